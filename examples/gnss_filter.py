@@ -23,7 +23,7 @@ from gtsam.symbol_shorthand import B, V, X
 
 import imu_sim_ros as ims
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.geodesy import earth_fixed, east_north_up
+from imu_sim_ros.core.geodesy import east_north_up, ecef_of_geodetic
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -208,7 +208,7 @@ def of_folder(folder: Path, configuration: Path) -> Result:
     )
     latitude, longitude, height = origin
     axes = east_north_up(latitude, longitude)[0]
-    place = earth_fixed(*gps[:, 1:4].T) - earth_fixed(latitude, longitude, height)
+    place = ecef_of_geodetic(*gps[:, 1:4].T) - ecef_of_geodetic(latitude, longitude, height)
     speed = np.full(
         (len(gps), 3), parameters.gnss.covariance_factor * parameters.gnss.velocity_sigma**2
     )

@@ -11,7 +11,7 @@ import sys
 import pytest
 
 from imu_sim_ros.commands import dead_reckon, generate, start
-from imu_sim_ros.core.names import suggestion, unknown
+from imu_sim_ros.core.names import suggestion, unknown_name_line
 
 PARSERS = [*start.PROGRAMS, "demo"]
 
@@ -94,9 +94,10 @@ def test_a_name_far_from_all_others_is_answered_with_all():
     line = suggestion("xyz", [f"ground_truth/topic_{k:03}" for k in range(100)])
     assert line.startswith("must be one of ground_truth/topic_000, ground_truth/topic_001, ")
     assert line.endswith(", ground_truth/topic_015 and 84 more")
-    assert unknown("IMU", "xyz", ["mpu6000"], "no file") == "unknown IMU 'xyz'; no file"
+    assert unknown_name_line("IMU", "xyz", ["mpu6000"], "no file") == "unknown IMU 'xyz'; no file"
     assert (
-        unknown("IMU", "MPU600", ["mpu6000"], "") == "unknown IMU 'MPU600'; did you mean mpu6000?"
+        unknown_name_line("IMU", "MPU600", ["mpu6000"], "")
+        == "unknown IMU 'MPU600'; did you mean mpu6000?"
     )
 
 

@@ -14,7 +14,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError, InputWarning
 from imu_sim_ros.core.records import States
 from imu_sim_ros.inputs.poses import read_poses, write_tum
-from imu_sim_ros.recordings.findings.pose_order import in_order
+from imu_sim_ros.recordings.findings.pose_order import sort_poses
 
 GOOD = ["1.0 0 0 0 0 0 0 1", "1.1 1 2 3 0 0 0 1", "1.2 2 3 4 0 0 0 1", "1.3 3 4 5 0 0 0 1"]
 
@@ -89,7 +89,7 @@ def test_written_and_read_again(tmp_path):
 def test_a_pose_that_stands_twice_is_taken_once(read_lines):
     rows = read_lines(*GOOD[:2], GOOD[1], GOOD[1].replace("0 0 0 1", "0 0 0 -1"), *GOOD[2:])
     with pytest.warns(InputWarning, match="2 poses came twice"):
-        poses = in_order(rows)
+        poses = sort_poses(rows)
     assert poses.t_ns.tolist() == [1_000_000_000, 1_100_000_000, 1_200_000_000, 1_300_000_000]
     assert poses.repeated == 2
 
@@ -97,7 +97,7 @@ def test_a_pose_that_stands_twice_is_taken_once(read_lines):
 def test_different_poses_of_one_time_are_refused(read_lines):
     for bad in ("1.0 1 2 3 0 0 0 1", "1.0 0 0 0 0 0 1 0"):
         with pytest.raises(InputError, match=r"from line 2 .*1 poses have the stamp of the one be"):
-            in_order(read_lines(GOOD[0], bad, *GOOD[2:]))
+            sort_poses(read_lines(GOOD[0], bad, *GOOD[2:]))
 
 
 @pytest.mark.parametrize("lines", [[], ["# only", "# comments"], ["", "   "]])
@@ -192,7 +192,7 @@ def test_bad_rows_are_skipped_and_counted(tmp_path):
     bad = ["1.15 1 2", "1.1 1 2 3 1 0 0 0", "1.16 1 2 3 0 0 0 nan", "1.17 - 2 3 0 0 0 1"]
     path.write_text("\n".join([*GOOD[:2], *bad, *GOOD[2:], GOOD[3], "junk"]) + "\n")
     with pytest.warns(InputWarning, match="1 poses came twice"):
-        poses = in_order(read_poses(path, skip_bad_rows=True), skip_bad_rows=True)
+        poses = sort_poses(read_poses(path, skip_bad_rows=True), skip_bad_rows=True)
     assert poses.t_ns.tolist() == [1_000_000_000, 1_100_000_000, 1_200_000_000, 1_300_000_000]
     assert (poses.skipped, poses.repeated) == (5, 1)
     path.write_text("junk\nrubbish\n")

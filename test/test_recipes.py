@@ -625,7 +625,7 @@ def test_an_option_of_a_job(copy: Copy) -> None:
             '    track = _track("estimate", estimate, estimate_topic, skip)\n',
             '    track = _track("estimate", estimate, estimate_topic, skip)\n'
             "    raised = track.position + np.array([0.0, 0.0, lift])\n"
-            "    track = with_fields(track, position=raised)\n",
+            "    track = replace_fields(track, position=raised)\n",
         ),
     )
     option = 'lift: Annotated[float, "M"] = 0.0'

@@ -11,9 +11,9 @@ import pytest
 
 from imu_sim_ros.commands import program
 from imu_sim_ros.core.errors import ConfigurationError
-from imu_sim_ros.core.spelling import stated
-from imu_sim_ros.jobs.evaluate import delta
-from imu_sim_ros.terminal.signatures import Heading, Text, arguments_of, assignment, call
+from imu_sim_ros.core.spelling import argument_prefix
+from imu_sim_ros.jobs.evaluate import parse_delta
+from imu_sim_ros.terminal.signatures import Heading, Text, arguments_of, call_job, parse_assignment
 
 
 def job(
@@ -23,7 +23,7 @@ def job(
     strength: Annotated[float | None, "--field T"] = None,
     count: Annotated[int, "N"] = 3,
     align: Annotated[str, ("none", "yaw")] = "none",
-    rpe: Annotated[Sequence[Any], "DELTA", delta] = (),
+    rpe: Annotated[Sequence[Any], "DELTA", parse_delta] = (),
     robust: Annotated[bool, "--robust"] = False,
     page: Annotated[bool, "--no-page"] = True,
     imu: Annotated[str | Path | None, "NAME|FILE"] = None,
@@ -44,13 +44,16 @@ def job(
     :param hidden: not an argument
     """
     if gap <= 0.0 or strength == 0.0:
-        option_names = (stated("gap", f"{gap:g}"), stated("strength", str(strength)))
+        option_names = (
+            argument_prefix("gap", f"{gap:g}"),
+            argument_prefix("strength", str(strength)),
+        )
         raise ConfigurationError([f"{option_names[0]}: too short", f"{option_names[1]}: none"])
     return dict(locals())
 
 
 def parsed(command_line: str) -> dict[str, Any]:
-    return call(
+    return call_job(
         job, program.Parser("job", arguments=arguments_of(job)).parse_every(command_line.split())
     )
 
@@ -117,7 +120,7 @@ def test_defaults_and_overrides_of_the_arguments() -> None:
     arguments = program.Parser("job", arguments=arguments_of(job)).parse_every(
         ["a", "--gap", "2s", "--count", "4"]
     )
-    job_arguments = call(
+    job_arguments = call_job(
         job, arguments, defaults={"gap": 1.0, "field": 3.0}, overrides={"count": 5}
     )
     assert (job_arguments["gap"], job_arguments["strength"], job_arguments["count"]) == (
@@ -149,7 +152,7 @@ def writer(
     rename: Annotated[Mapping[str, str] | None, "--topic OLD=NEW", pair, Heading("output")] = None,
     rate: Annotated[float | None, "HZ"] = None,
     cameras: Annotated[Sequence[str], "--camera NAME"] = (),
-    **parameters: Annotated[Any, "--set KEY=VALUE", assignment, Text("a parameter")],
+    **parameters: Annotated[Any, "--set KEY=VALUE", parse_assignment, Text("a parameter")],
 ) -> dict[str, Any]:
     """Write something.
 
@@ -162,14 +165,17 @@ def writer(
     """
     node_parameters = parameters.get("parameters", {})
     if (used := node_parameters.get("rate", rate)) == 0.0:
-        problems = [f"{stated('rate', str(used))}: too low", f"{stated('topics')}: none of them"]
+        problems = [
+            f"{argument_prefix('rate', str(used))}: too low",
+            f"{argument_prefix('topics')}: none of them",
+        ]
         raise ConfigurationError(problems)
     return dict(locals())
 
 
 def call_with(command_line: str) -> dict[str, Any]:
     parser = program.Parser("writer", arguments=arguments_of(writer))
-    return call(writer, parser.parse_every(command_line.split()))
+    return call_job(writer, parser.parse_every(command_line.split()))
 
 
 def test_names_in_one_word_pairs_and_parameters() -> None:

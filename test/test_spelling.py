@@ -11,8 +11,14 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.commands import dead_reckon
 from imu_sim_ros.core.arguments import number
-from imu_sim_ros.core.spelling import argument, job_argument, spelled, spelled_for, stated
-from imu_sim_ros.terminal.signatures import call
+from imu_sim_ros.core.spelling import (
+    argument,
+    argument_prefix,
+    job_argument,
+    spell_arguments,
+    use_spelling,
+)
+from imu_sim_ros.terminal.signatures import call_job
 
 
 @pytest.mark.parametrize(
@@ -45,12 +51,12 @@ from imu_sim_ros.terminal.signatures import call
     ],
 )
 def test_arguments_in_messages_are_spelled_for_their_user(door, gap, switch, unit, topic, renamed):
-    with spelled_for(door):
+    with use_spelling(door):
         assert argument("max_gap", 0.5, "s") == gap
         assert argument("robust", True) == switch
         assert argument("rename", {"/imu": "NEW"}) == renamed
-        assert spelled("{accel_unit g} or {truth_topic}") == f"{unit} or {topic}"
-    assert stated("max_gap", "0.5") == "max_gap = 0.5"  # Python's again
+        assert spell_arguments("{accel_unit g} or {truth_topic}") == f"{unit} or {topic}"
+    assert argument_prefix("max_gap", "0.5") == "max_gap = 0.5"  # Python's again
 
 
 @pytest.mark.parametrize(
@@ -62,7 +68,7 @@ def test_arguments_in_messages_are_spelled_for_their_user(door, gap, switch, uni
     ],
 )
 def test_advice_names_the_function_in_python_and_the_program_elsewhere(door, advice):
-    with spelled_for(door):
+    with use_spelling(door):
         assert job_argument("convert", "recover") == advice
 
 
@@ -89,10 +95,10 @@ def _job(max_gap: Annotated[float, "TIME"] = 0.5) -> float:
 
 def test_a_program_is_told_about_what_was_typed_alone():
     with pytest.raises(ims.ConfigurationError) as typed:
-        call(_job, Namespace(max_gap=-1.0))
+        call_job(_job, Namespace(max_gap=-1.0))
     assert typed.value.problems == ("--max-gap -1.0: must be above 0",)
     with pytest.raises(ims.ConfigurationError) as of_a_file:
-        call(_job, Namespace(max_gap=None), defaults={"max_gap": -1.0})
+        call_job(_job, Namespace(max_gap=None), defaults={"max_gap": -1.0})
     assert of_a_file.value.problems == ("max_gap = -1.0: must be above 0",)
     with pytest.raises(ims.ConfigurationError) as python:
         _job(-1.0)

@@ -46,7 +46,7 @@ def main() -> None:
         panel.legend(
             loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, fontsize=8, frameon=False
         )
-    style.heading(figure, "Allan deviation of the presets, x axis")
+    style.draw_heading(figure, "Allan deviation of the presets, x axis")
     style.save(figure, sys.argv[1])
 
 

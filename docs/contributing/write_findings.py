@@ -8,7 +8,7 @@
 
 from collections.abc import Iterator
 
-from imu_sim_ros.core.spelling import spelled, spelled_for
+from imu_sim_ros.core.spelling import spell_arguments, use_spelling
 from imu_sim_ros.recordings.findings.catalogue import GROUPS, KINDS
 from imu_sim_ros.recordings.findings.policy import JOBS
 
@@ -23,7 +23,7 @@ note is good to know.
 
 def reference() -> str:
     """Return the whole page."""
-    with spelled_for("program"):
+    with use_spelling("program"):
         return "\n".join(_lines())
 
 
@@ -34,7 +34,7 @@ def _lines() -> Iterator[str]:
         yield "| kind | severity | fault | effect | remedy |"
         yield "|---|---|---|---|---|"
         for check in checks:
-            cells = (check.meaning, check.effect, spelled(check.remedy))
+            cells = (check.meaning, check.effect, spell_arguments(check.remedy))
             yield f"| `{check.kind}` | {check.severity} | {' | '.join(cells)} |"
         yield ""
     yield "## Jobs\n"

@@ -13,7 +13,7 @@ from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.messages.schemas import Message
-from imu_sim_ros.bags.read import decoded_messages
+from imu_sim_ros.bags.read import decode_messages
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.core.conventions import (
     COMPRESSED_TOPIC,
@@ -46,7 +46,7 @@ class RecordedCamera(NamedTuple):
     depth: TopicInfo | None
 
 
-def recorded_cameras(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
+def cameras_of_topics(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
     """Return the cameras among a bag's topics; of two topics of the same images the raw one.
 
     Names such as cam0 stay; others are numbered in the order of their topics.
@@ -56,7 +56,7 @@ def recorded_cameras(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
         is_mask_or_flow = topic.name.endswith((f"/{MASK_TOPIC}", f"/{FLOW_TOPIC}"))
         if topic.type in (IMAGE, COMPRESSED_IMAGE) and not is_mask_or_flow:
             kind = "depth" if topic.name.endswith(f"/{DEPTH_TOPIC}") else "images"
-            cameras.setdefault(base_of(topic.name), {}).setdefault(kind, topic)
+            cameras.setdefault(camera_namespace(topic.name), {}).setdefault(kind, topic)
     bases = sorted(cameras)
     names = [base.rpartition("/")[2] for base in bases]
     if not all(re.fullmatch(r"cam\d+", name) for name in names) or len(set(names)) < len(names):
@@ -72,7 +72,7 @@ def is_rectified(topic: str) -> bool:
     return topic.removesuffix("/compressed").rpartition("/")[2].startswith("image_rect")
 
 
-def base_of(topic: str) -> str:
+def camera_namespace(topic: str) -> str:
     """Return the start of a topic's name that all topics of a camera share."""
     if is_rectified(topic):
         return topic.removesuffix("/compressed").rpartition("/")[0]
@@ -113,13 +113,13 @@ def camera_records(
         return
     images = {
         camera.base: topic
-        for camera in recorded_cameras(bag.topics)
+        for camera in cameras_of_topics(bag.topics)
         for topic in (camera.images, camera.depth)
         if topic is not None and topic.count
     }
     sizes: dict[str, tuple[int, int]] = {}
     for base, topic in images.items():
-        _, image = next(decoded_messages(bag, [topic.name]), (None, None))
+        _, image = next(decode_messages(bag, [topic.name]), (None, None))
         if image is not None:
             raw = topic.type == IMAGE
             with errors_naming(bag.path, f" ({topic.name})"):
@@ -130,7 +130,7 @@ def camera_records(
                 )
     for topic in infos:
         rows, descriptions = _changes(bag, topic)
-        size = sizes.get(base_of(topic.name))
+        size = sizes.get(camera_namespace(topic.name))
         yield CameraRecord(f"{source}, {topic.name}", descriptions, rows, size)
 
 

@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.messages.blocks import RowTemplate, as_list, as_row_template, side_by_side
+from imu_sim_ros.bags.messages.blocks import RowTemplate, as_list, as_row_template, interleave
 from imu_sim_ros.bags.outputs import OutputFile
-from imu_sim_ros.bags.threads import Pipeline, cores
+from imu_sim_ros.bags.threads import Pipeline, core_count
 from imu_sim_ros.bags.writer import EMPTY, BagTopic, Block, Writer, time_order
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Bytes, Integers, Times
@@ -133,7 +133,9 @@ class ChunkWriter(Writer):
                 self._pending_bytes += rows.count * len(rows.template)
         if self._pending_bytes >= CHUNK_BYTES:
             if self._pipeline is None:
-                workers = 1 if self._compression in ("", "none") else min(cores(), _MAX_WORKERS)
+                workers = (
+                    1 if self._compression in ("", "none") else min(core_count(), _MAX_WORKERS)
+                )
                 self._pipeline = Pipeline(self._pack, self._store, workers)
             self._emit()
 
@@ -213,7 +215,9 @@ class ChunkWriter(Writer):
             if isinstance(payloads, RowTemplate) and bool(np.all(t_ns[1:] >= t_ns[:-1]))
         ]
         by_rows = len({topic for topic, _, _ in in_order}) == len(blocks)
-        for built in self._by_rows(in_order) if by_rows else self._one_by_one(blocks):
+        for built in (
+            self._interleave_rows(in_order) if by_rows else self._interleave_messages(blocks)
+        ):
             chunk, prefix, self._before = built, self._before, b""
             if prefix:
                 chunk = Chunk(
@@ -240,7 +244,9 @@ class ChunkWriter(Writer):
         self._written.append(Stored(position, sizes, len(chunk.records), topics))
         self._mark = (self.file.position, len(self._written))
 
-    def _by_rows(self, blocks: Sequence[tuple[BagTopic, Times, RowTemplate]]) -> Iterator[Chunk]:
+    def _interleave_rows(
+        self, blocks: Sequence[tuple[BagTopic, Times, RowTemplate]]
+    ) -> Iterator[Chunk]:
         """Yield chunks of blocks of different topics, each in the order of time.
 
         Each chunk covers a span of time; all have about equal size.
@@ -267,9 +273,9 @@ class ChunkWriter(Writer):
             pieces = zip(tables, spans, strict=True)
             parts = [(table, slice(*span)) for table, span in pieces if span[1] > span[0]]
             if parts:  # of equal stamps, one piece has all
-                yield merged(parts)
+                yield merge_tables(parts)
 
-    def _one_by_one(
+    def _interleave_messages(
         self, blocks: Sequence[tuple[BagTopic, Times, list[bytes] | RowTemplate]]
     ) -> Iterator[Chunk]:
         """Yield chunks of any blocks, message by message in the order of time."""
@@ -279,7 +285,7 @@ class ChunkWriter(Writer):
             first_index = message_counts[topic]
             message_counts[topic] += len(times)
             if isinstance(payloads, RowTemplate):
-                records += as_list(side_by_side(self._records(topic, first_index, times, payloads)))
+                records += as_list(interleave(self._records(topic, first_index, times, payloads)))
                 continue
             records += [
                 self._record(topic, first_index + k, time, payload)
@@ -306,13 +312,13 @@ class ChunkWriter(Writer):
             start = stop
 
 
-def merged(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
+def merge_tables(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
     """Return rows of tables by time; of equal times those of the first table first.
 
     Consecutive rows of one table are copied at once.
     """
     times = [table.t_ns[rows] for table, rows in tables]
-    content = [side_by_side(table.rows, rows) for table, rows in tables]
+    content = [interleave(table.rows, rows) for table, rows in tables]
     widths = np.array([rows.shape[1] for rows in content])
     if len(tables) == 1:
         records = content[0].reshape(-1)

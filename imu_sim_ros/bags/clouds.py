@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2, POINT_TYPES
 from imu_sim_ros.bags.messages.schemas import Message
-from imu_sim_ros.bags.read import decoded_messages, open_bag
+from imu_sim_ros.bags.read import decode_messages, open_bag
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.gate import stamp_ns
@@ -24,7 +24,7 @@ _FIRST: Final = 10
 """Clouds of a topic whose points are looked at."""
 
 
-def measured_clouds(path: Path) -> list[str]:
+def measured_cloud_topics(path: Path) -> list[str]:
     """Return the topics of clouds in a bag, without those of the truth."""
     return [name for name in cloud_topics(path) if not is_truth(name)]
 
@@ -56,7 +56,7 @@ def read_cloud(path: Path, name: str) -> Array:
 def cloud_frame(path: Path, name: str) -> str:
     """Return the frame of the first cloud of a topic."""
     with open_bag(path) as bag:
-        _, cloud = next(decoded_messages(bag, [name]))
+        _, cloud = next(decode_messages(bag, [name]))
     return str(cloud.header.frame_id)
 
 
@@ -66,7 +66,7 @@ def read_clouds(path: Path, name: str) -> Iterator[tuple[int, NDArray[np.void]]]
     :raises InputError: for a cloud without x, y and z.
     """
     with open_bag(path) as bag:
-        for _, cloud in decoded_messages(bag, [name]):
+        for _, cloud in decode_messages(bag, [name]):
             with errors_naming(path, f" ({name})"):
                 rows = _points(cloud, name)
                 t_ns = stamp_ns(int(cloud.header.stamp.sec), int(cloud.header.stamp.nanosec))
@@ -86,7 +86,7 @@ def cloud_records(bag: Bag, source: str) -> Iterator[CloudRecord]:
         times: dict[str, list[AnyArray]] = {}
         fields: tuple[str, ...] = ()
         organised = False
-        for _, cloud in islice(decoded_messages(bag, [topic.name]), _FIRST):
+        for _, cloud in islice(decode_messages(bag, [topic.name]), _FIRST):
             if not _has_positions(cloud):
                 break
             fields = tuple(str(field.name) for field in cloud.fields)

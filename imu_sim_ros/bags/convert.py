@@ -36,7 +36,7 @@ from imu_sim_ros.bags.messages.encode import (
 from imu_sim_ros.bags.messages.stamps import path_stamps, transform_stamps
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.read import odometry_blocks, open_bag, vector_blocks
-from imu_sim_ros.bags.reader import Bag, Recover, errors_naming, missing
+from imu_sim_ros.bags.reader import Bag, Recover, errors_naming, suggest_topic
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.threads import prefetch
@@ -77,11 +77,11 @@ _NO_RATES: Final = np.diag([0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
 """Covariance of a twist whose angular half is absent."""
 
 
-def nothing(source: str, t_ns: Times, record_ns: Times | None) -> None:
+def ignore_stamps(source: str, t_ns: Times, record_ns: Times | None) -> None:
     """Do nothing with stamps."""
 
 
-def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
+def select_topics(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
     """Return the named topics of a bag, all if none is named.
 
     :raises InputError: with a line for every topic that the bag lacks.
@@ -94,7 +94,10 @@ def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
     ]
     if lacking:
         raise InputError(
-            [f"{bag.path}: has no topic {name}; {missing(name, bag.topics)}" for name in lacking]
+            [
+                f"{bag.path}: has no topic {name}; {suggest_topic(name, bag.topics)}"
+                for name in lacking
+            ]
         )
     topics = [topic for topic in topics_or_none if topic is not None]
     return topics if names else list(bag.topics)
@@ -111,7 +114,7 @@ def bag_to_bag(
     additional: More | None = None,
     ungated: str = "",
     edit: ImuEdit | None = None,
-    observe: Observe = nothing,
+    observe: Observe = ignore_stamps,
 ) -> list[str]:
     """Copy topics of any type; bytes are unchanged if the encoding is.
 
@@ -161,14 +164,14 @@ def bag_to_bag(
     }
     order = _OrderInMessages(bag.path, bag.encoding, observe)
     groups = bag.groups({info.name for info in topics})
-    for group, beside_it in _with_more(groups, additional):
+    for group, beside_it in _append_messages(groups, additional):
         copied = [block for block in group if block.topic in handles]
         for block in copied:
             order.add(block)
         if edit is not None:
             copied = [edit.apply(block, bag.encoding) for block in copied]
         passed = [
-            b if b.topic.name == ungated else gates[b.topic].passed(b, bag.encoding)
+            b if b.topic.name == ungated else gates[b.topic].passing_messages(b, bag.encoding)
             for b in copied
             if len(b.t_ns)
         ]
@@ -196,7 +199,7 @@ class _OrderInMessages:
     def add(self, block: MessageBlock) -> None:
         """Add the next messages of a topic; those that are not of their type are left out."""
         name = block.topic.name
-        if not len(block.t_ns) or self._observe is nothing:
+        if not len(block.t_ns) or self._observe is ignore_stamps:
             return
         if block.topic.type == PATH:
             record_ns = int(block.t_ns[-1])
@@ -216,7 +219,7 @@ class _OrderInMessages:
                     self._observe(f"{self._path}: {name}", t_ns, None)
 
 
-def _with_more(
+def _append_messages(
     groups: Iterator[list[MessageBlock]], additional: More | None
 ) -> Iterator[tuple[list[MessageBlock], list[Block]]]:
     """Yield groups, each with its further messages."""
@@ -236,7 +239,7 @@ class _Translator:
 
     def schema(self, info: TopicInfo) -> schemas.Schema:
         """Return the definition for the new bag."""
-        standard_fields = schemas.known_types(self._encoding).fielddefs
+        standard_fields = schemas.typestore_of_format(self._encoding).fielddefs
         if not info.schema.text and info.type in standard_fields:
             return schemas.schema(info.type, self._encoding)
         return info.schema
@@ -293,7 +296,7 @@ def text_to_bag(
     skipped: Skipped | None = None,
     frames: Sequence[Iterator[list[Block]]] = (),
     tables: Tables = MappingProxyType({}),
-    observe: Observe = nothing,
+    observe: Observe = ignore_stamps,
 ) -> None:
     """Copy a EuRoC folder or a CSV file: readings, and the other tables of a folder.
 
@@ -463,7 +466,7 @@ def to_dataset(
     skipped: Skipped | None = None,
     tables: Sequence[tuple[Table, str]] = (),
     warned: Warned | None = None,
-    observe: Observe = nothing,
+    observe: Observe = ignore_stamps,
 ) -> None:
     """Copy readings, other tables and truth of a bag or a dataset into text.
 

@@ -12,7 +12,7 @@ import numpy as np
 from imu_sim_ros.bags.clouds import is_truth
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD
 from imu_sim_ros.bags.messages.schemas import Message
-from imu_sim_ros.bags.read import decoded_messages
+from imu_sim_ros.bags.read import decode_messages
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.core.gate import stamp_ns
 from imu_sim_ros.recordings.tracks import FeatureTracks, TrackedFrame
@@ -33,7 +33,7 @@ def feature_tracks(bag: Bag, source: str) -> Iterator[FeatureTracks]:
     for topic in bag.topics:
         if topic.type != POINT_CLOUD or not topic.count or is_truth(topic.name):
             continue
-        messages = islice(decoded_messages(bag, [topic.name]), _MOST)
+        messages = islice(decode_messages(bag, [topic.name]), _MOST)
         candidates = [_frame(message) for _, message in messages]
         frames = tuple(frame for frame in candidates if frame is not None)
         if frames:

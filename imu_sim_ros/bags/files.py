@@ -11,7 +11,12 @@ from typing import BinaryIO, Final
 from imu_sim_ros.bags.compressed_files import compression_of, unpack
 from imu_sim_ros.bags.logs.catalogue import MAGIC_BYTES, open_log
 from imu_sim_ros.bags.mcap_reader import McapBag
-from imu_sim_ros.bags.outputs import active_path, is_being_written, is_locked, unfinished
+from imu_sim_ros.bags.outputs import (
+    active_path,
+    find_unfinished_output,
+    is_being_written,
+    is_locked,
+)
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming, recovery_advice
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import SQLITE, Rosbag2Folder, SqliteBag
@@ -47,9 +52,12 @@ def open_bag(path: str | Path, recover: Recover = False) -> Bag:
 def _open_ready(path: Path, recover: Recover = False) -> Bag:
     """Open a bag, unless a program is writing it."""
     if recover and not path.exists():
-        path = unfinished(path) or path
+        path = find_unfinished_output(path) or path
     if not path.exists():
-        active = next(filter(is_being_written, (active_path(path), unfinished(path) or path)), None)
+        active = next(
+            filter(is_being_written, (active_path(path), find_unfinished_output(path) or path)),
+            None,
+        )
         if active is not None:
             raise _unready(path)
     with errors_naming(path, "" if recover else f"; {recovery_advice()}"):
@@ -83,7 +91,7 @@ def _regular(path: Path) -> BinaryIO:
     try:
         return open_regular(path)
     except InputError as error:
-        rest = unfinished(path)
+        rest = find_unfinished_output(path)
         hint = f"; {rest} is an unfinished one, {recovery_advice()}" if rest else ""
         raise InputError(f"{error}{hint}") from None
 

@@ -28,7 +28,7 @@ from imu_sim_ros.bags.reader import (
     ChunkedBag,
     ContradictionError,
     decompress,
-    gather,
+    gather_messages,
     recovery_advice,
 )
 from imu_sim_ros.core.errors import InputError
@@ -527,7 +527,7 @@ class McapBag(ChunkedBag[_Chunk]):
         for channel, rows_of_channel in offsets.items():
             if channel not in topics_by_channel or not len(rows_of_channel):
                 continue
-            rows = gather(
+            rows = gather_messages(
                 data, rows_of_channel, np.full(len(rows_of_channel), header, dtype=np.int64)
             )
             fields = np.ascontiguousarray(rows).view(MESSAGE_HEADER)[:, 0]
@@ -535,7 +535,7 @@ class McapBag(ChunkedBag[_Chunk]):
             if not is_of_channel.all():
                 raise ValueError("the index of the messages is wrong")
             lengths = fields["length"].astype(np.int64) - (header - _HEADER_BYTES)
-            payloads = gather(data, rows_of_channel + header, lengths)
+            payloads = gather_messages(data, rows_of_channel + header, lengths)
             t_ns = fields["log_time"].astype(np.int64)
             blocks.append(MessageBlock(topics_by_channel[channel], t_ns, payloads))
         return blocks

@@ -17,7 +17,7 @@ from typing import Final
 
 from imu_sim_ros.core.errors import ImuSimError, InputError, MachineError, system_error
 from imu_sim_ros.core.spelling import argument
-from imu_sim_ros.terminal.progress import watcher
+from imu_sim_ros.terminal.progress import current_watcher
 
 ACTIVE_SUFFIX = ".active"
 """Suffix of the name of a bag that is being recorded, as in ROS 1."""
@@ -92,12 +92,12 @@ def active_path(path: Path) -> Path:
     return path.with_name(path.name + ACTIVE_SUFFIX)
 
 
-def named(path: Path) -> Path:
+def resolve_name(path: Path) -> Path:
     """Return a path that ends in a name: ``.`` is the working folder; only the root has none."""
     return Path(os.path.abspath(path)) if path.name in ("", "..") else path
 
 
-def unfinished(path: Path) -> Path | None:
+def find_unfinished_output(path: Path) -> Path | None:
     """Return the remains of an output of a killed program; None if there are none.
 
     That is NAME.active, or NAME or NAME.active in the folder NAME.active that commands write to.
@@ -231,7 +231,7 @@ class OutputFile:
         if self.current != self.path:
             _refuse_newcomer(self.path)
         self.cut(self.position)
-        with watcher().undisturbed():  # what is closed has its name
+        with current_watcher().undisturbed():  # what is closed has its name
             self._file.close()
             if self.current != self.path:
                 self.current.rename(self.path)
@@ -306,7 +306,7 @@ class Outputs:
 
         outputs = Outputs(inputs=[bag], force=arguments.force)
         table = outputs.add(Path("table.csv"))
-        with outputs.staged():
+        with outputs.stage():
             write_csv(table.path, ...)
     """
 
@@ -366,7 +366,7 @@ class Outputs:
         return staging
 
     @contextmanager
-    def staged(self) -> Iterator[None]:
+    def stage(self) -> Iterator[None]:
         """Stage the outputs during a block of work, and give them their names after it.
 
         :raises InputError: with a line for each output that cannot be written.
@@ -376,7 +376,7 @@ class Outputs:
         if problems:
             raise InputError(problems)
         staged = [target for target in self._targets if target.companion_of is None]
-        follower = watcher()
+        follower = current_watcher()
         with ExitStack() as ending, ExitStack() as cleanup:
             for target in staged:
                 folder = target.staging
@@ -405,7 +405,7 @@ class Outputs:
                     # The error of a write has no file name; the failed one is among these.
                     error.filename = ", ".join(str(target.final) for target in self._targets)
                 if isinstance(error, ImuSimError):
-                    final_lines = [self._finally_named(line) for line in error.problems]
+                    final_lines = [self._replace_staging_names(line) for line in error.problems]
                     raise type(error)(final_lines) from None
                 raise
             ending.enter_context(follower.undisturbed())
@@ -568,7 +568,7 @@ class Outputs:
             names.append(partial.name)
         return names
 
-    def _finally_named(self, line: str) -> str:
+    def _replace_staging_names(self, line: str) -> str:
         """Return a line with the targets' names in place of the staging ones."""
         for target in self._targets:
             folder_text = "" if target.folder == Path() else f"{target.folder}/"

@@ -14,7 +14,7 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.read import Bag
-from imu_sim_ros.bags.reader import listed
+from imu_sim_ros.bags.reader import describe_topics
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.names import suggestion
 
@@ -43,7 +43,7 @@ def pose_topic(bag: Bag, topic: str | None) -> tuple[str, str, tuple[str, str] |
     frames = tuple(pair.split(".", 1)) if "." in pair else None
     info = bag.find(topic) or bag.find(plain)  # a name in a log may have a colon
     if info is None or info.type not in POSE_TYPES:
-        available = listed(fitting) if fitting else "none"
+        available = describe_topics(fitting) if fitting else "none"
         hint = suggestion(plain, (info.name for info in fitting), "")
         raise InputError(
             f"{bag.path}: has no topic {topic} of poses; it has {available}{hint and f'; {hint}'}"

@@ -16,9 +16,9 @@ from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.decode import (
     Decoded,
     MessageGate,
+    concatenate_blocks,
     decode_block,
-    inside_order,
-    joined,
+    quaternions_wxyz,
 )
 from imu_sim_ros.bags.messages.encode import (
     IMU,
@@ -33,7 +33,7 @@ from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.core.bad_rows import Skipped, Warned
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import Readings, States, concatenated
+from imu_sim_ros.core.records import Readings, States, concatenate
 from imu_sim_ros.core.rotation import rotate
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.recordings.findings.catalogue import frame_findings
@@ -43,7 +43,7 @@ __all__ = [
     "Bag",
     "TemperatureMessages",
     "TopicInfo",
-    "decoded_messages",
+    "decode_messages",
     "imu_blocks",
     "odometry_blocks",
     "open_bag",
@@ -79,7 +79,7 @@ class TemperatureMessages(NamedTuple):
     """(n,) degC."""
 
 
-def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Message]]:
+def decode_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Message]]:
     """Yield the messages of topics in the order of time, decoded one by one.
 
     For large ones, images for instance; readings have faster ways.
@@ -121,11 +121,11 @@ def imu_blocks(
         yield from text_reader.imu_blocks(Path(path), topic, skipped)
         return
     chosen, presence = frame, TriadPresence(path, topic, skipped)
-    for block in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned):
+    for block in decode_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned):
         fields = block
         chosen = fields.texts[0] if chosen is None else chosen
         if fields.frame_ids != (chosen,):
-            fields = _of_frame(path, topic, fields, chosen, frame is not None)
+            fields = _select_frame(path, topic, fields, chosen, frame is not None)
         gyro, accel, *covariances = fields.numbers.values()
         unlike = presence.unlike(*covariances)
         if unlike.any():
@@ -188,7 +188,7 @@ def _contents(absent: Mask) -> str:
     return {2: "both triads", 1: f"the {''.join(names)} alone"}.get(len(names), "no triad")
 
 
-def _of_frame(
+def _select_frame(
     path: str | Path, topic: str | None, fields: Decoded, frame: str, selected: bool
 ) -> Decoded:
     """Return the messages of one frame.
@@ -197,7 +197,7 @@ def _of_frame(
     :raises InputError: for the messages of another frame.
     """
     if not selected:
-        raise mixed_frames(path, topic)
+        raise mixed_frames_error(path, topic)
     index = fields.frame_ids.index(frame) if frame in fields.frame_ids else -1
     return fields.at(fields.frames == index)
 
@@ -209,7 +209,7 @@ class MixedFramesError(InputError):
     """Frames, and the number of messages of each."""
 
 
-def mixed_frames(path: str | Path, topic: str | None = None) -> MixedFramesError:
+def mixed_frames_error(path: str | Path, topic: str | None = None) -> MixedFramesError:
     """Return the error of readings of several frames on one topic of a bag."""
     name = str(path) if topic is None else f"{path}, {topic}"
     topic_frames = TopicFrames(name, imu_frames(path, topic))
@@ -221,7 +221,7 @@ def mixed_frames(path: str | Path, topic: str | None = None) -> MixedFramesError
 def imu_frames(path: str | Path, topic: str | None = None) -> dict[str, int]:
     """Return the number of messages of each frame on an Imu topic of a bag."""
     counts: Counter[str] = Counter()
-    for block in decoded_blocks(path, IMU, topic, (), skipped=lambda count: None):
+    for block in decode_blocks(path, IMU, topic, (), skipped=lambda count: None):
         for k, name in enumerate(block.frame_ids):
             counts[name] += int(np.count_nonzero(block.frames == k))
     return dict(counts)
@@ -232,7 +232,7 @@ def read_imu(
 ) -> Readings:
     """Return all messages of an Imu topic; arguments as for :func:`imu_blocks`."""
     empty = Readings(_no_times(), _no_rows(3), _no_rows(3), source=str(path))
-    return concatenated(list(imu_blocks(path, topic, skipped=skipped)) or [empty])
+    return concatenate(list(imu_blocks(path, topic, skipped=skipped)) or [empty])
 
 
 def odometry_blocks(
@@ -250,9 +250,9 @@ def odometry_blocks(
         for states, _ in text_reader.state_blocks(Path(path), topic, skipped):
             yield states
         return
-    for fields in decoded_blocks(path, ODOMETRY, topic, _ODOMETRY_FIELDS, recover, skipped, warned):
+    for fields in decode_blocks(path, ODOMETRY, topic, _ODOMETRY_FIELDS, recover, skipped, warned):
         position, orientation, linear, angular, pose, twist = fields.numbers.values()
-        q_wb = inside_order(orientation)
+        q_wb = quaternions_wxyz(orientation)
         if warned is None:
             q_wb = _unit(q_wb)
         with np.errstate(over="ignore", invalid="ignore"):  # what is passed on with a warning
@@ -278,7 +278,7 @@ def read_odometry(
 ) -> States:
     """Return all messages of an Odometry topic, or the states of a EuRoC folder."""
     empty = States(_no_times(), _no_rows(3), _no_rows(4), _no_rows(3), _no_rows(3), str(path))
-    return concatenated(list(odometry_blocks(path, topic, skipped=skipped)) or [empty])
+    return concatenate(list(odometry_blocks(path, topic, skipped=skipped)) or [empty])
 
 
 def vector_blocks(
@@ -290,7 +290,7 @@ def vector_blocks(
     """
     warned = None if gated else bool
     names = ("vector",)
-    for fields in decoded_blocks(path, VECTOR3_STAMPED, topic, names, recover, None, warned):
+    for fields in decode_blocks(path, VECTOR3_STAMPED, topic, names, recover, None, warned):
         yield fields.t_ns, fields.numbers["vector"]
 
 
@@ -298,14 +298,14 @@ def read_temperature(
     path: str | Path, topic: str | None = None, skipped: Skipped | None = None
 ) -> TemperatureMessages:
     """Return all messages of a Temperature topic; arguments as for :func:`imu_blocks`."""
-    parts = list(decoded_blocks(path, TEMPERATURE, topic, ("temperature",), False, skipped))
+    parts = list(decode_blocks(path, TEMPERATURE, topic, ("temperature",), False, skipped))
     return TemperatureMessages(
         np.concatenate([_no_times(), *(part.t_ns for part in parts)]),
         np.concatenate([np.empty(0), *(part.numbers["temperature"] for part in parts)]),
     )
 
 
-def decoded_blocks(
+def decode_blocks(
     path: str | Path,
     type_name: str,
     topic: str | None,
@@ -341,11 +341,11 @@ def decoded_blocks(
                 waiting.append(passed)
                 count += len(passed.t_ns)
                 if count >= _LEAST:
-                    yield joined(waiting)
+                    yield concatenate_blocks(waiting)
                     waiting, count = [], 0
     gate.settle(skipped, warned)
     if waiting:
-        yield joined(waiting)
+        yield concatenate_blocks(waiting)
 
 
 def _unit(q: Array) -> Array:

@@ -222,7 +222,7 @@ class Bag(AbstractContextManager["Bag"], Shareable):
                         waiting.setdefault(block.topic, []).append(block)
                 ready = []
                 for topic in list(waiting):
-                    topic, t_ns, payloads = in_order(waiting.pop(topic))
+                    topic, t_ns, payloads = sort_by_time(waiting.pop(topic))
                     cut = int(np.searchsorted(t_ns, next_start_ns))
                     if cut:
                         ready.append(MessageBlock(topic, t_ns[:cut], payloads[:cut]))
@@ -230,7 +230,7 @@ class Bag(AbstractContextManager["Bag"], Shareable):
                         waiting[topic] = [MessageBlock(topic, t_ns[cut:], payloads[cut:])]
                 if ready:
                     yield ready
-            rest = [in_order(blocks) for blocks in waiting.values()]
+            rest = [sort_by_time(blocks) for blocks in waiting.values()]
             if rest:
                 yield rest
 
@@ -257,7 +257,7 @@ class Bag(AbstractContextManager["Bag"], Shareable):
             info = self.find(name)
             if info is not None and info.type == type_name:
                 return info
-            hint = missing(name, self.topics, fitting)
+            hint = suggest_topic(name, self.topics, fitting)
             raise InputError(f"{self.path}: has no topic {name} of {type_name}; {hint}")
         measured = [topic for topic in fitting if not topic.name.endswith("/" + IDEAL_IMU_TOPIC)]
         candidates = measured or fitting
@@ -269,19 +269,22 @@ class Bag(AbstractContextManager["Bag"], Shareable):
             return once[0]
         if not fitting:
             raise InputError(
-                f"{self.path}: has no topic of {type_name}; it has {listed(self.topics)}"
+                f"{self.path}: has no topic of {type_name}; it has {describe_topics(self.topics)}"
             )
         raise InputError(
-            f"{self.path}: has several topics of {type_name}, name one of {listed(fitting)}"
+            f"{self.path}: has several topics of {type_name}, name one of "
+            f"{describe_topics(fitting)}"
         )
 
 
-def missing(
+def suggest_topic(
     name: str, topics: Iterable[TopicInfo], fitting: Iterable[TopicInfo] | None = None
 ) -> str:
     """Return a hint for a missing topic: the nearest one of the right type, or all."""
     candidates = topics if fitting is None else fitting
-    return suggestion(name, (topic.name for topic in candidates), f"it has {listed(topics)}")
+    return suggestion(
+        name, (topic.name for topic in candidates), f"it has {describe_topics(topics)}"
+    )
 
 
 class ChunkInFile(Protocol):
@@ -421,7 +424,7 @@ class ContradictionError(ValueError):
     """A file that defines a channel twice, in different ways: it is spliced of several."""
 
 
-def listed(topics: Iterable[TopicInfo]) -> str:
+def describe_topics(topics: Iterable[TopicInfo]) -> str:
     """Return topics as text; the type stands once if all have the same one."""
     topics = [*topics]
     texts = [f"{topic.name} ({topic.type or 'no schema'})" for topic in topics]
@@ -430,7 +433,7 @@ def listed(topics: Iterable[TopicInfo]) -> str:
     return ", ".join(texts) or "no topics"
 
 
-def gather(data: Bytes, starts: Times, sizes: Times) -> Payloads:
+def gather_messages(data: Bytes, starts: Times, sizes: Times) -> Payloads:
     """Return the messages at given places of a chunk; no copy if their distance is constant.
 
     :param data: (bytes,) the chunk.
@@ -460,7 +463,7 @@ def gather(data: Bytes, starts: Times, sizes: Times) -> Payloads:
     return sliding_window_view(data, size)[starts]
 
 
-def in_order(blocks: Sequence[MessageBlock]) -> MessageBlock:
+def sort_by_time(blocks: Sequence[MessageBlock]) -> MessageBlock:
     """Return blocks of one topic as one, in the order of time."""
     topic, t_ns, payloads = blocks[0]
     if len(blocks) > 1:

@@ -19,7 +19,7 @@ from imu_sim_ros.bags.reader import (
     ChunkedBag,
     ContradictionError,
     decompress,
-    gather,
+    gather_messages,
     recovery_advice,
 )
 from imu_sim_ros.bags.ros1_writer import (
@@ -424,12 +424,12 @@ def _block(topic: TopicInfo, data: Bytes, entries: NDArray[np.void]) -> MessageB
     offsets = entries["offset"].astype(np.int64)
     after_header = offsets + 4 + _numbers(data, offsets)
     sizes = _numbers(data, after_header)
-    return MessageBlock(topic, t_ns, gather(data, after_header + 4, sizes))
+    return MessageBlock(topic, t_ns, gather_messages(data, after_header + 4, sizes))
 
 
 def _numbers(data: Bytes, offsets: Integers) -> Integers:
     """Return the four-byte numbers at given offsets."""
-    rows = gather(data, offsets, np.full(len(offsets), 4, dtype=np.int64))
+    rows = gather_messages(data, offsets, np.full(len(offsets), 4, dtype=np.int64))
     return np.ascontiguousarray(rows).view("<u4")[:, 0].astype(np.int64)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from imu_sim_ros.bags.chunks import Chunk, ChunkWriter, Stored
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
-from imu_sim_ros.bags.messages.encode import divided
+from imu_sim_ros.bags.messages.encode import split_seconds
 from imu_sim_ros.bags.messages.schemas import ros1_name
 from imu_sim_ros.bags.writer import BagTopic
 from imu_sim_ros.core.errors import InputError
@@ -169,7 +169,7 @@ class Rosbag1Writer(ChunkWriter):
         count, size = payloads.count, len(payloads.template)
         header = np.frombuffer(bytearray(_HEADER), _HEADER_TYPE)
         header["connection"], header["length"] = topic.index, size
-        second, nanosecond = (numbers.astype("<u4") for numbers in divided(t_ns))
+        second, nanosecond = (numbers.astype("<u4") for numbers in split_seconds(t_ns))
         columns = [
             Column(_OFFSETS["sec"], second),
             Column(_OFFSETS["nanosec"], nanosecond),
@@ -197,7 +197,7 @@ class Rosbag1Writer(ChunkWriter):
         indexes = []
         for topic, t_ns, offsets in chunk.messages:
             entries = np.empty(len(t_ns), INDEX_ENTRY)
-            entries["sec"], entries["nanosec"] = divided(t_ns)
+            entries["sec"], entries["nanosec"] = split_seconds(t_ns)
             entries["offset"] = offsets
             connection, count = _u4(topic.index), _u4(len(entries))
             start = fields(conn=connection, count=count, op=_u1(OP_INDEX), ver=_u4(1))

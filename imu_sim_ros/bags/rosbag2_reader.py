@@ -247,7 +247,7 @@ class Rosbag2Folder(Bag):
         self._parts: list[Bag] = []
         self._open_file = open_file
         try:
-            for file in self._files_there() if recover else self._files_listed():
+            for file in self._files_there() if recover else self._listed_files():
                 self._add(file, recover)
             encodings = {part.encoding for part in self._parts if part.topics}
             if len(encodings) > 1:
@@ -295,7 +295,7 @@ class Rosbag2Folder(Bag):
         ]
         return files
 
-    def _files_listed(self) -> list[Path]:
+    def _listed_files(self) -> list[Path]:
         """Return the files that metadata.yaml lists; each must exist once."""
         advice = f"; {recovery_advice()}" if _files_found(self.path) else ""
         files = read_metadata(self.path, advice)

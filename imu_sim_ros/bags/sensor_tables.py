@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import TopicInfo
-from imu_sim_ros.bags.messages.decode import inside_order
+from imu_sim_ros.bags.messages.decode import quaternions_wxyz
 from imu_sim_ros.bags.messages.encode import ImuEncoder
-from imu_sim_ros.bags.read import decoded_blocks, open_bag, vector_blocks
+from imu_sim_ros.bags.read import decode_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
@@ -64,7 +64,7 @@ def blocks(
         for t_ns, values in text_reader.table_blocks(path, name, table, skipped):
             yield TableRows(t_ns, values, np.zeros((len(t_ns), size, size)))
         return
-    decoded_stream = decoded_blocks(path, table.type, topic, table.fields, recover, skipped, warned)
+    decoded_stream = decode_blocks(path, table.type, topic, table.fields, recover, skipped, warned)
     for decoded in decoded_stream:
         values, *stated_of = decoded.numbers.values()
         values = values.reshape(-1, table.columns)
@@ -72,7 +72,7 @@ def blocks(
         covariance = stated_of[0] if stated_of else np.zeros((len(t_ns), size, size))
         covariance = covariance.reshape(-1, size, size)
         if table.of_readings:
-            values = inside_order(values)
+            values = quaternions_wxyz(values)
             stated = covariance[:, 0, 0] >= 0.0  # -1: there is no orientation (REP-145)
             t_ns, values, covariance = t_ns[stated], values[stated], covariance[stated]
         yield TableRows(t_ns, values, covariance)

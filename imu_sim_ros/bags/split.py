@@ -19,8 +19,8 @@ from imu_sim_ros.bags.writer import (
     BagTopic,
     Block,
     Writer,
+    count_messages,
     rosbag2_metadata,
-    tally,
     time_order,
 )
 from imu_sim_ros.core.errors import InputError
@@ -69,11 +69,11 @@ class PartsWriter(Writer):
 
     def write_blocks(self, blocks: Sequence[Block]) -> None:
         """Write the messages of several topics; those after a boundary go into the next part."""
-        blocks = tally(blocks)
+        blocks = count_messages(blocks)
         while blocks:
             part = self._current_part()
-            within, past = self._divided_by_time(blocks)
-            first_blocks, remaining = self._divided_by_size(within, part)
+            within, past = self._split_by_time(blocks)
+            first_blocks, remaining = self._split_by_size(within, part)
             part.write_blocks(
                 [Block(part.topics[b.topic.index], b.t_ns, b.payloads) for b in first_blocks]
             )
@@ -96,7 +96,7 @@ class PartsWriter(Writer):
                 _add(self._parts[-1], topic, previous_count)
         return self._parts[-1]
 
-    def _divided_by_time(self, blocks: list[Block]) -> tuple[list[Block], list[Block]]:
+    def _split_by_time(self, blocks: list[Block]) -> tuple[list[Block], list[Block]]:
         """Return the messages before the part's end, on which its first one decides, and others.
 
         If times run backwards, the part changes at the first message past its end.
@@ -111,9 +111,7 @@ class PartsWriter(Writer):
             counts.append(int(past[0]) if len(past) else len(block.t_ns))
         return _divide(blocks, counts)
 
-    def _divided_by_size(
-        self, blocks: list[Block], part: Writer
-    ) -> tuple[list[Block], list[Block]]:
+    def _split_by_size(self, blocks: list[Block], part: Writer) -> tuple[list[Block], list[Block]]:
         """Return the messages that fit into the part, at least one, and the others."""
         if not self._split_bytes or not blocks:
             return blocks, []

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags.messages.blocks import as_list, as_row_template, side_by_side
+from imu_sim_ros.bags.messages.blocks import as_list, as_row_template, interleave
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.outputs import refuse_existing
 from imu_sim_ros.bags.writer import (
@@ -21,8 +21,8 @@ from imu_sim_ros.bags.writer import (
     BagTopic,
     Block,
     Writer,
+    count_messages,
     rosbag2_metadata,
-    tally,
     time_order,
 )
 from imu_sim_ros.core.errors import MachineError
@@ -144,7 +144,7 @@ class SqliteWriter(Writer):
             self._database.executemany(_INSERT, rows)
         except sqlite3.Error as error:
             raise MachineError(f"{self.path}: {error}") from None
-        tally(blocks)
+        count_messages(blocks)
         self._count_bytes(sum(map(len, payloads)))
 
     def _insert_rows(self, blocks: Sequence[Block]) -> None:
@@ -168,8 +168,8 @@ class SqliteWriter(Writer):
             rows = slice(first_row, first_row + count)
             t_ns = np.ascontiguousarray(blocks[0].t_ns[rows])
             times = str(t_ns.tolist())  # JSON, from which SQLite takes them
-            self._execute(statement, (side_by_side(patterns, rows).data, times))
-            tally([Block(topic, t_ns, payloads) for topic, _, payloads in blocks])
+            self._execute(statement, (interleave(patterns, rows).data, times))
+            count_messages([Block(topic, t_ns, payloads) for topic, _, payloads in blocks])
             self._count_bytes(len(t_ns) * sum(sizes))
 
     def flush(self, durable: bool = False) -> None:

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Final, Generic, TypeAlias, TypeVar
 
-from imu_sim_ros.terminal.progress import watch_thread, watcher
+from imu_sim_ros.terminal.progress import current_watcher, watch_thread
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
@@ -30,7 +30,7 @@ _PREFETCHED: Final = 2
 """Number of elements that a thread computes ahead."""
 
 
-def cores() -> int:
+def core_count() -> int:
     """Return how many processor cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
@@ -70,7 +70,7 @@ def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
 
 
 @contextmanager
-def threads(count: int) -> "Iterator[ThreadPoolExecutor]":
+def thread_pool(count: int) -> "Iterator[ThreadPoolExecutor]":
     """Yield a pool of threads; tasks that have not begun at the end are cancelled.
 
     After an interruption nothing is waited for: what is under way ends itself
@@ -78,11 +78,11 @@ def threads(count: int) -> "Iterator[ThreadPoolExecutor]":
     """
     from concurrent.futures import ThreadPoolExecutor  # most runs have no work for them
 
-    pool = ThreadPoolExecutor(count, "jobs", watch_thread, (watcher(),))
+    pool = ThreadPoolExecutor(count, "jobs", watch_thread, (current_watcher(),))
     try:
         yield pool
     finally:
-        pool.shutdown(wait=not watcher().interrupted(), cancel_futures=True)
+        pool.shutdown(wait=not current_watcher().interrupted(), cancel_futures=True)
 
 
 class Pipeline(Generic[_T, _Made]):

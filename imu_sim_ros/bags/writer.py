@@ -15,7 +15,7 @@ from imu_sim_ros.bags.messages.blocks import Payloads, RowTemplate
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, qos_profiles, schema
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.names import suggestion
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import Integers, Times
 
 STORAGES: Final = ("mcap", "sqlite3", "ros1")
@@ -224,7 +224,8 @@ def check_split(split_duration: float, period: float, duration: float) -> None:
     shortest = max(period, duration / MAX_PARTS)
     if 0.0 < split_duration < shortest:
         raise InputError(
-            f"{stated('split_duration', f'{split_duration:g}s')}: must be at least {shortest:g} s, "
+            f"{argument_prefix('split_duration', f'{split_duration:g}s')}: must be at least "
+            f"{shortest:g} s, "
             f"which gives every message a part of its own, or {MAX_PARTS} parts"
         )
 
@@ -295,16 +296,16 @@ def topics_summary(topics: Iterable[BagTopic]) -> str:
     """Return how much was written to the topics of a bag."""
     written = list(topics)
     last_ns = max((topic.last_ns for topic in written), default=-1)
-    return amount(sum(topic.count for topic in written), last_ns, "messages")
+    return describe_amount(sum(topic.count for topic in written), last_ns, "messages")
 
 
-def amount(count: int, last_ns: int, unit: str) -> str:
+def describe_amount(count: int, last_ns: int, unit: str) -> str:
     """Return a count and the last stamp as text."""
     until = f" up to stamp {last_ns / 1e9:.9f} s" if count else ""
     return f"{count:,} {unit}{until}"
 
 
-def tally(blocks: Sequence[Block]) -> list[Block]:
+def count_messages(blocks: Sequence[Block]) -> list[Block]:
     """Count the messages of blocks in their topics; returns those that are not empty."""
     filled = [block for block in blocks if len(block.t_ns)]
     for topic, t_ns, _ in filled:

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 from imu_sim_ros.campaigns.plan import Plan, load_plan
 from imu_sim_ros.campaigns.results import PLAN, SCENARIO, Row
 from imu_sim_ros.core.errors import ImuSimError
-from imu_sim_ros.core.names import shown
-from imu_sim_ros.core.spelling import argument, stated
+from imu_sim_ros.core.names import short_repr
+from imu_sim_ros.core.spelling import argument, argument_prefix
 
 _MAX_DIFFERENCES: Final = 5
 """Largest number of differing values of a scenario in a message."""
@@ -87,7 +87,8 @@ def _difference(plan: Plan, path: Path, key: Key) -> str:
     except ImuSimError:
         return f"its digests differ, and no {PLAN} next to it says by what"
     lines = [
-        f"{name} = {shown(earlier_values.get(name))} there and {shown(values.get(name))} here"
+        f"{name} = {short_repr(earlier_values.get(name))} there and {short_repr(values.get(name))} "
+        "here"
         for name in dict.fromkeys([*values, *earlier_values])
         if values.get(name) != earlier_values.get(name)
     ]
@@ -109,6 +110,6 @@ def _scenario(plan: Plan, key: Key) -> dict[str, object]:
 def plan_mismatch(path: Path, difference: str) -> str:
     """Return the problem of a baseline of another plan."""
     return (
-        f"{stated('baseline', str(path))}: is of another plan: {difference}; "
+        f"{argument_prefix('baseline', str(path))}: is of another plan: {difference}; "
         f"{argument('baseline_anyway', True)} compares with it all the same"
     )

@@ -35,7 +35,7 @@ from imu_sim_ros.campaigns.results import (
     write_tables,
 )
 from imu_sim_ros.campaigns.summary import group_runs, summary_rows
-from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.json_text import json_text
 
 _BUILT_IN_BATCH: Final = 50
 """Seeds in a task: large enough that the covariance of a cell is rarely computed again."""
@@ -225,7 +225,7 @@ def write_versions(folder: Path) -> Path:
         with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
     path = folder / VERSIONS
-    text = as_json({**versions, "imu_sim_ros": imu_sim_ros.__version__}, indent=1)
+    text = json_text({**versions, "imu_sim_ros": imu_sim_ros.__version__}, indent=1)
     with write_atomically(path) as part:
         part.write_text(text, encoding="utf-8")
     return path

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core.errors import ConfigurationError, Problems
-from imu_sim_ros.core.names import shown
+from imu_sim_ros.core.names import short_repr
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import switchable_sensors
 from imu_sim_ros.simulation.parameters import join_layers, name_sensors
@@ -101,11 +101,11 @@ def read_axes(grid: object) -> list[Axis]:
     if grid is None:
         return []
     if not isinstance(grid, Mapping):
-        raise ConfigurationError(f"grid = {shown(grid)}: must hold names and lists of values")
+        raise ConfigurationError(f"grid = {short_repr(grid)}: must hold names and lists of values")
     axes: list[Axis] = []
     problems = Problems()
     for name, content in grid.items():
-        with problems.gathered():
+        with problems.collect():
             axes.append(_axis(str(name), content))
     names = [name for axis in axes for name in axis.names]
     problems += [f"grid.{name}: given twice" for name in set(names) if names.count(name) > 1]
@@ -166,10 +166,11 @@ def _values(where: str, content: object) -> list[object]:
     if isinstance(content, list) and content:
         values = [tuple(entry) if isinstance(entry, list) else entry for entry in content]
         if any(isinstance(value, Mapping) or value is None for value in values):
-            raise ConfigurationError(f"{where} = {shown(content)}: must hold plain values")
+            raise ConfigurationError(f"{where} = {short_repr(content)}: must hold plain values")
         return values
     raise ConfigurationError(
-        f"{where} = {shown(content)}: must be a list of values, {{range: [first, last, count]}}, "
+        f"{where} = {short_repr(content)}: must be a list of values, "
+        f"{{range: [first, last, count]}}, "
         "{log_range: [first, last, count]} or {zip: {name: values, ...}}"
     )
 
@@ -178,7 +179,7 @@ def _space_evenly(where: str, logarithmic: bool, limits: object) -> list[float]:
     """Return the numbers of a range [first, last, count], evenly or logarithmically spaced."""
     limits_text = "two numbers above 0" if logarithmic else "two finite numbers"
     error = ConfigurationError(
-        f"{where} = {shown(limits)}: must be [first, last, count]: {limits_text}, "
+        f"{where} = {short_repr(limits)}: must be [first, last, count]: {limits_text}, "
         f"and a count of 2 to {_LARGEST_AXIS}"
     )
     if not isinstance(limits, list) or len(limits) != 3:

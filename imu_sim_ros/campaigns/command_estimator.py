@@ -35,11 +35,11 @@ from imu_sim_ros.campaigns.results import run_folder_path
 from imu_sim_ros.campaigns.run_files import write_config, write_dataset
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.core.errors import ImuSimError, InputError
-from imu_sim_ros.core.names import shown
+from imu_sim_ros.core.names import short_repr
 from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.parameters import files
-from imu_sim_ros.recordings.findings.pose_order import in_order
+from imu_sim_ros.recordings.findings.pose_order import sort_poses
 from imu_sim_ros.sensors.samples import Samples
 
 METRICS: Final = "metrics.json"
@@ -402,7 +402,7 @@ def _custom_metrics(names: Collection[str], path: Path) -> Metrics:
         value = content.get(name) if isinstance(content, dict) else None
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if value is not None and not (number and abs(value) <= sys.float_info.max):
-            raise InputError(f"{METRICS}: {name} = {shown(value)}: must be a finite number")
+            raise InputError(f"{METRICS}: {name} = {short_repr(value)}: must be a finite number")
         metrics[name] = None if value is None else float(value)
     return metrics
 
@@ -444,7 +444,7 @@ def _compare(
     try:
         topic, lines = estimator.estimate_topic or None, list[str]()
         arrived = read_states(path, topic, covariance=True, minimum=2, ordered=False)
-        estimate = in_order(arrived, tell=lines.append)
+        estimate = sort_poses(arrived, tell=lines.append)
         outcome.findings += [
             line.replace(f"{run_folder}/", "").replace("; ", ", ") for line in lines
         ]

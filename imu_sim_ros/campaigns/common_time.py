@@ -18,7 +18,7 @@ from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Integers, Mask, Times
 from imu_sim_ros.navigation.coverage import TruthTime
 from imu_sim_ros.recordings.order import longest_step_ns
-from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.json_text import json_text
 
 _ROUNDING_NS = 1_000_000
 """Largest distance of a pose from a span to which it belongs: stamps of text are rounded [ns]."""
@@ -81,7 +81,7 @@ def common_time_metrics(
             time = int(np.sum(np.diff(clock.at(common.ravel()).reshape(-1, 2))))
             share = float(time / clock.whole_ns)
             columns[name][partner] = {"share": share, **_part(name, track, rows, metrics)}
-    return {name: as_json(column) for name, column in columns.items() if column}
+    return {name: json_text(column) for name, column in columns.items() if column}
 
 
 def _part(

@@ -36,8 +36,8 @@ from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, list_missing_files
 from imu_sim_ros.campaigns.results import SCENARIO, Row
 from imu_sim_ros.core.errors import ImuSimError, InputError, MachineError, MissingDependencyError
-from imu_sim_ros.core.spelling import argument, stated
-from imu_sim_ros.terminal.signals import SIGNALS, blocked
+from imu_sim_ros.core.spelling import argument, argument_prefix
+from imu_sim_ros.terminal.signals import SIGNALS, block_signals
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
@@ -359,7 +359,7 @@ def _environment() -> Iterator[None]:
     registration it would leave a process that nobody ends.
     """
     previous = {name: os.environ.get(name) for name in _ENVIRONMENT}
-    with blocked():
+    with block_signals():
         os.environ.update(_ENVIRONMENT)
         try:
             yield
@@ -411,7 +411,7 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
     try:
         dask_client = Client(scheduler, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:
-        problem = f"{stated('scheduler', scheduler)}: {error}"
+        problem = f"{argument_prefix('scheduler', scheduler)}: {error}"
     if problem is not None:
         # A client that has failed ends when it is collected; if another one is beginning, it waits
         # for a lock that its own thread holds.
@@ -422,7 +422,7 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
             dask_client.wait_for_workers(1, timeout=worker_timeout)
         except TimeoutError:
             raise InputError(
-                f"{stated('scheduler', scheduler)}: no worker has joined within "
+                f"{argument_prefix('scheduler', scheduler)}: no worker has joined within "
                 f"{worker_timeout:g} s"
             ) from None
         yield dask_client

@@ -86,7 +86,7 @@ def parse(
     requirements: list[Requirement] = []
     problems = Problems()
     for line in lines:
-        with problems.gathered():
+        with problems.collect():
             requirements.append(_requirement(str(line), metrics, filtered))
     problems.tell()
     return requirements

@@ -11,7 +11,7 @@ import numpy as np
 
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.core.names import shown
+from imu_sim_ros.core.names import short_repr
 from imu_sim_ros.navigation.comparison import Comparison
 
 Metrics = dict[str, float | None]
@@ -114,19 +114,21 @@ def parse_custom(content: object, reserved: Collection[str]) -> dict[str, Better
         return {}
     if not isinstance(content, Mapping):
         raise ConfigurationError(
-            f"metrics = {shown(content)}: must hold names and lower, higher or a number"
+            f"metrics = {short_repr(content)}: must hold names and lower, higher or a number"
         )
     problems = []
     for name, value in content.items():
         if not re.fullmatch(r"[A-Za-z]\w{0,63}", str(name)) or str(name) in reserved:
             problems.append(
-                f"metrics: {shown(name)}: a name may contain letters, digits and _ only, at most "
+                f"metrics: {short_repr(name)}: a name may contain letters, digits and _ only, at "
+                "most "
                 "64, and must not be another metric's"
             )
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if value not in (LOWER, HIGHER) and not (number and np.isfinite(value)):
             problems.append(
-                f"metrics.{name} = {shown(value)}: must be lower, higher, or the number near which "
+                f"metrics.{name} = {short_repr(value)}: must be lower, higher, or the number near "
+                "which "
                 "values are best"
             )
     if problems:
@@ -153,7 +155,7 @@ def parse_tolerance(content: object, name: str = "tolerance") -> Tolerance:
     value = float(match[1] + (match[2] or "")) if match and not isinstance(content, bool) else None
     if match is None or value is None or not value < 1e9:
         raise ConfigurationError(
-            f"{name} = {shown(content)}: must be a share such as 2 %, or a number in the "
+            f"{name} = {short_repr(content)}: must be a share such as 2 %, or a number in the "
             "metric's unit, at least 0"
         )
     return Tolerance(0.01 * value, True) if match[3] else Tolerance(value, False)
@@ -180,12 +182,14 @@ def parse_relative(content: object) -> tuple[Relative, ...]:
     if content is None:
         return ()
     if not isinstance(content, list):
-        raise ConfigurationError(f"rpe = {shown(content)}: must be a list such as [1s, 10m]")
+        raise ConfigurationError(f"rpe = {short_repr(content)}: must be a list such as [1s, 10m]")
     lengths, problems = [], []
     for entry in content:
         match = re.fullmatch(r"(\d+\.?\d*|\.\d+) ?(s|m)", str(entry))
         if match is None or not float(match[1]) > 0:
-            problems.append(f"rpe: {shown(entry)}: must be a time or distance such as 1s or 10m")
+            problems.append(
+                f"rpe: {short_repr(entry)}: must be a time or distance such as 1s or 10m"
+            )
         else:
             lengths.append(Relative(float(match[1]), match[2]))
     if problems:

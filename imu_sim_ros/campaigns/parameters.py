@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import ConfigurationError, Problems
-from imu_sim_ros.core.names import shown, suggestion
+from imu_sim_ros.core.names import short_repr, suggestion
 from imu_sim_ros.navigation.coverage import ALLOWANCE, LEAST
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.parameters.kinds import choice, flag, integer, number, text
@@ -162,14 +162,14 @@ def read_faults(content: object) -> tuple[TimedFault, ...]:
     if content is None:
         return ()
     if not isinstance(content, list):
-        raise ConfigurationError(f"faults = {shown(content)}: must be a list of faults")
+        raise ConfigurationError(f"faults = {short_repr(content)}: must be a list of faults")
     faults, problems = [], Problems()
     for k, entry in enumerate(content):
         try:
-            with problems.gathered(prefix=f"faults[{k}]: "):
+            with problems.collect(prefix=f"faults[{k}]: "):
                 faults.append(_fault(entry))
         except (TypeError, ValueError) as error:
-            problems.append(f"faults[{k}] = {shown(entry)}: {error}")
+            problems.append(f"faults[{k}] = {short_repr(entry)}: {error}")
     problems.tell()
     return tuple(faults)
 
@@ -178,14 +178,14 @@ def _fault(entry: object) -> TimedFault:
     """Return a fault of the plan with its time."""
     if not isinstance(entry, Mapping):
         raise ConfigurationError(
-            f"{shown(entry)}: must hold at, kind, and optionally duration, value and triad"
+            f"{short_repr(entry)}: must hold at, kind, and optionally duration, value and triad"
         )
     unknown = set(entry) - {"at", "kind", "duration", "value", "triad"}
     if unknown:
         raise ConfigurationError(f"{', '.join(sorted(map(str, unknown)))}: unknown")
     start = entry.get("at", 0.0)
     if isinstance(start, bool) or not isinstance(start, int | float) or not 0.0 <= start < 1e9:
-        raise ConfigurationError(f"at = {shown(start)}: must be a time of at least 0 s")
+        raise ConfigurationError(f"at = {short_repr(start)}: must be a time of at least 0 s")
     triad = str(entry.get("triad", ""))
     if triad not in ("", *TRIADS):
         raise ConfigurationError(

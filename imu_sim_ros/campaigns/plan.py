@@ -50,8 +50,8 @@ from imu_sim_ros.campaigns.parameters import (
     find_estimator,
     read_faults,
 )
-from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, naming
-from imu_sim_ros.core.names import shown, suggestion
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, name_source
+from imu_sim_ros.core.names import short_repr, suggestion
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
@@ -250,7 +250,7 @@ def load_plan(path: Path) -> Plan:
 
     :raises ConfigurationError: with a line for each problem.
     """
-    with naming(path, ConfigurationError):
+    with name_source(path, ConfigurationError):
         plan = read_plan(files.read_tree(path, "a plan (names such as grid, seeds and estimators)"))
     return replace(plan, folder=path.absolute().parent)
 
@@ -260,7 +260,7 @@ def check_plan(plan: Plan, path: Path) -> None:
 
     :raises ConfigurationError: with a line for each problem.
     """
-    with naming(path, ConfigurationError):
+    with name_source(path, ConfigurationError):
         check_cells(plan)
         problems = list_missing_files(plan)
         if problems:
@@ -445,7 +445,7 @@ def _layer(content: object) -> Layer:
     """Return the parameters of a plan; short names (imu, trajectory) are expanded."""
     if content is None:
         return {}
-    layer = files.dotted(content, "parameters")
+    layer = files.dotted_values(content, "parameters")
     short = {name: layer.pop(name) for name in list(layer) if name in SHORT}
     return join_layers(expand_names(short), layer)
 
@@ -453,7 +453,7 @@ def _layer(content: object) -> Layer:
 def _seeds(content: object) -> tuple[int, ...]:
     """Return the seeds that a plan states: a count, or a list."""
     allowed = "must be a count (50: seeds 0 to 49) or a list of integers, each at least 0"
-    problem = ConfigurationError(f"seeds = {shown(content)}: {allowed}")
+    problem = ConfigurationError(f"seeds = {short_repr(content)}: {allowed}")
     if isinstance(content, bool):
         raise problem
     if isinstance(content, int):
@@ -468,7 +468,7 @@ def _seeds(content: object) -> tuple[int, ...]:
         if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63:
             raise problem
     if len(set(content)) != len(content):
-        raise ConfigurationError(f"seeds = {shown(content)}: a seed is given twice")
+        raise ConfigurationError(f"seeds = {short_repr(content)}: a seed is given twice")
     return tuple(content)
 
 
@@ -480,17 +480,18 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
         content = {str(name): {} if name == "dead_reckon" else _template(name) for name in content}
     if not isinstance(content, Mapping) or not content:
         raise ConfigurationError(
-            f"estimators = {shown(content)}: must hold a name and parameters for each"
+            f"estimators = {short_repr(content)}: must hold a name and parameters for each"
         )
     estimators, environment, problems = {}, {}, Problems()
     for name, entry in content.items():
         if not _NAME.fullmatch(str(name)):
             problems.append(
-                f"estimators: {shown(name)}: a name may contain letters, digits, _, ., + and - "
+                f"estimators: {short_repr(name)}: a name may contain letters, digits, _, ., + and "
+                "- "
                 "only, and at most 64 characters"
             )
             continue
-        with problems.gathered(prefix=f"estimators.{name}: "):
+        with problems.collect(prefix=f"estimators.{name}: "):
             estimators[str(name)], variables = _estimator(entry)
             if variables:
                 environment[str(name)] = variables
@@ -508,7 +509,7 @@ def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
     if entry is None:
         entry = {}
     if not isinstance(entry, Mapping):
-        raise ConfigurationError(f"{shown(entry)}: must hold names and values")
+        raise ConfigurationError(f"{short_repr(entry)}: must hold names and values")
     content = dict(entry)
     template = content.pop("template", None)
     if template is not None:
@@ -519,7 +520,9 @@ def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
         not isinstance(key, str) or not key or "=" in key or "\0" in f"{key}{value}"
         for key, value in variables.items()
     ):
-        raise ConfigurationError(f"environment = {shown(variables)}: must hold names and strings")
+        raise ConfigurationError(
+            f"environment = {short_repr(variables)}: must hold names and strings"
+        )
     kind = str(values.get("type", "command" if "command" in values else "dead_reckon"))
     estimator: Estimator = build(find_estimator(kind), {**values, "type": kind})
     if isinstance(estimator, CommandEstimator):

@@ -29,7 +29,7 @@ from imu_sim_ros.core.errors import InputError, system_error
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.inputs.rows import is_present, open_shared
-from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.json_text import json_text
 
 if TYPE_CHECKING:
     from pyarrow import Array
@@ -158,7 +158,7 @@ class Store:
         """Append rows; they are on the disk when this returns."""
         if self._file is None:
             self._file = self._open()
-        self._file.write("".join(as_json(row) + "\n" for row in rows))
+        self._file.write("".join(json_text(row) + "\n" for row in rows))
         self._file.flush()
         os.fsync(self._file.fileno())
 

@@ -7,12 +7,12 @@ import dataclasses
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.bags.threads import threads
+from imu_sim_ros.bags.threads import thread_pool
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.core.conventions import IMU_TOPIC
 from imu_sim_ros.datasets.configurations import imu_values, rig_values
 from imu_sim_ros.datasets.consumers.folder import write_all
-from imu_sim_ros.datasets.forms import chosen_topics, open_output
+from imu_sim_ros.datasets.forms import open_output, topics_to_write
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.parameters import values_of
 from imu_sim_ros.simulation.sensors import mount_sensors
@@ -30,14 +30,14 @@ def write_dataset(cell: SimulatedCell, form: str, seed: int, folder: Path) -> Pa
     """
     sensors, name = mount_sensors(cell.parameters), _BAGS.get(form, "dataset")
     path, dataset = folder / name, None if form in _BAGS else form
-    names = chosen_topics(sensors, dataset, path)
+    names = topics_to_write(sensors, dataset, path)
     if dataset is None:
         # The truth of the scene is twice as large as what the cameras see, and no program reads it.
         topics = sensor_topics(sensors)
         scene_truth = [n for n in names if topics[n].topic.truth and topics[n].mounted.sensor.sees]
         names = {name: names[name] for name in names if name not in scene_truth}
     output = path / "mav0" if form == "euroc" else path
-    with threads(1) as pool:
+    with thread_pool(1) as pool:
         body = cell.simulation(seed, pool)
         with open_output(dataset, output, names, sensors, body.world) as target:
             for window in body.windows(cell.total):

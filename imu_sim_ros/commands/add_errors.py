@@ -10,7 +10,7 @@ from typing import Final
 
 from imu_sim_ros.commands import program
 from imu_sim_ros.jobs.add_errors_files import add_errors_to_file
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 
 EXAMPLES: Final = """
   add_errors ideal.mcap -o noisy.mcap --imu bmi088 --seed 3
@@ -30,7 +30,7 @@ def parser() -> program.Parser:
 
 def add_errors(arguments: argparse.Namespace) -> None:
     """Write the outputs that the arguments name."""
-    program.show(arguments, call(add_errors_to_file, arguments))
+    program.show(arguments, call_job(add_errors_to_file, arguments))
 
 
 main = partial(program.main, parser, add_errors)

@@ -19,7 +19,7 @@ from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.jobs.allan import FILES, Noise, allan, write_files
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 from imu_sim_ros.terminal.text_tables import TextTable
 
 EXAMPLES: Final = """
@@ -49,14 +49,14 @@ def run(arguments: argparse.Namespace) -> None:
     """Analyse, write the files and print."""
     if arguments.truth:  # checked before the work begins
         problems = Problems()
-        with problems.gathered(prefix="--truth: "):
+        with problems.collect(prefix="--truth: "):
             load_truth(arguments.truth)
         problems.tell()
     written = outputs(arguments)
     folder = arguments.output or Path("allan")
     staging = None if arguments.no_files else written.add_files(folder, FILES)
-    with written.staged():
-        noise = call(allan, arguments)
+    with written.stage():
+        noise = call_job(allan, arguments)
         comparisons = noise.compare(arguments.truth) if arguments.truth else []
         if staging is not None:
             write_files(noise, staging, arguments.topic or "/imu0")

@@ -22,7 +22,7 @@ from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.jobs.calibrate import RUNS
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 
 EXAMPLES: Final = "\n".join(line for run in RUNS.values() for line in run.examples)
 
@@ -74,13 +74,13 @@ def calibrate(arguments: argparse.Namespace) -> None:
     names = ["imu.yaml", "correction.yaml", f"{arguments.kind}.png"]
     staging = None if arguments.no_files else written.add_files(folder, names)
     rates = vars(arguments).get("rates")
-    with written.staged():
+    with written.stage():
         problems = Problems()
-        with problems.gathered():
+        with problems.collect():
             overrides = {} if rates is None else {"rates": rates}
-            calibration = call(RUNS[arguments.kind].job, arguments, overrides=overrides)
+            calibration = call_job(RUNS[arguments.kind].job, arguments, overrides=overrides)
         if arguments.truth:
-            with problems.gathered(prefix="--truth: "):
+            with problems.collect(prefix="--truth: "):
                 load_truth(arguments.truth)
         problems.tell()
         for line in calibration.warnings:

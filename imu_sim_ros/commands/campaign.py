@@ -9,14 +9,14 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from imu_sim_ros.bags.threads import cores
+from imu_sim_ros.bags.threads import core_count
 from imu_sim_ros.campaigns.junit import write_junit
 from imu_sim_ros.campaigns.metrics import parse_tolerance
 from imu_sim_ros.campaigns.plan import check_plan, find_plan, load_plan
 from imu_sim_ros.commands import program
 from imu_sim_ros.core.errors import InputError, MachineError
-from imu_sim_ros.jobs.campaign import Limits, Power, campaign, expected_duration, reasons
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.jobs.campaign import Limits, Power, campaign, duration_text, failure_reasons
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 
 EXAMPLES: Final = """
   campaign which_imu -o which_imu
@@ -69,19 +69,19 @@ def run(arguments: argparse.Namespace) -> list[str]:
     plan, folder = load_plan(find_plan(arguments.plan)), arguments.output
     if folder is None:
         problems.append("-o DIR: is needed, the folder of the results")
-    processes = cores() if arguments.workers is None else arguments.workers
+    processes = core_count() if arguments.workers is None else arguments.workers
     if plan.run_count >= MANY and not arguments.yes:
-        advice = f"{expected_duration(plan, processes)}; start it with --yes"
+        advice = f"{duration_text(plan, processes)}; start it with --yes"
         problems.append(f"the plan has {plan.run_count:,} runs: {advice}")
     if problems:
         raise InputError(problems)
     command = f"imu_sim campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}"
-    outcome = call(campaign, arguments, {"workers": cores()}, {"command": command})
+    outcome = call_job(campaign, arguments, {"workers": core_count()}, {"command": command})
     if arguments.junit is not None:
         write_junit(arguments.junit, plan.options.name, outcome.judgement)
     program.show(arguments, outcome)
     if outcome.runs and not outcome.done:
-        raise MachineError([*outcome.problems, *reasons(outcome.judgement)])
+        raise MachineError([*outcome.problems, *failure_reasons(outcome.judgement)])
     return outcome.problems
 
 

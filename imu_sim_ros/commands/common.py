@@ -24,7 +24,7 @@ FORCE: Final = {"--force": "overwrite existing output"}
 
 def outputs(arguments: argparse.Namespace) -> Outputs:
     """Return the outputs of a command, kept from everything that its arguments name."""
-    return Outputs(_named_files(arguments), force=arguments.force)
+    return Outputs(_existing_files(arguments), force=arguments.force)
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def output_and_plot(arguments: argparse.Namespace) -> Iterator[tuple[Path | None
     written = outputs(arguments)
     output = None if arguments.output is None else written.add(arguments.output).path
     plot = None if arguments.plot is None else written.add(arguments.plot, endings=PICTURES).path
-    with written.staged():
+    with written.stage():
         yield output, plot
 
 
@@ -48,7 +48,7 @@ def save_plot(plot: Path | None, draw: "Callable[[], Figure]") -> None:
         style.save(draw(), plot)
 
 
-def _named_files(arguments: argparse.Namespace) -> Iterator[Path]:
+def _existing_files(arguments: argparse.Namespace) -> Iterator[Path]:
     """Yield every argument that is the name of something that exists, but outputs and words."""
     no_inputs = _WRITTEN | vars(arguments).get("words", frozenset())
     for name, value in vars(arguments).items():

@@ -180,7 +180,7 @@ def _act(simulator: "Control", arguments: argparse.Namespace) -> str:
         return simulator.reset()
     if arguments.action == "step":
         return simulator.step(arguments.samples)
-    fields = program.given(arguments, "value", "duration", "delay", "triad", "imu")
+    fields = program.arguments_given(arguments, "value", "duration", "delay", "triad", "imu")
     # The kind comes last: it is what begins the fault.
     fields["kind"] = arguments.kind
     simulator.set({f"inject.{name}": value for name, value in fields.items()})

@@ -10,7 +10,7 @@ from typing import Final
 
 from imu_sim_ros.commands import program
 from imu_sim_ros.jobs.convert import convert
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 
 EXAMPLES: Final = """
   convert_bag recording -o recording.bag --compression lz4  # rosbag2 -> ROS 1
@@ -30,7 +30,7 @@ def parser() -> program.Parser:
 
 def convert_bag(arguments: argparse.Namespace) -> None:
     """Convert the input as the arguments say."""
-    program.show(arguments, call(convert, arguments))
+    program.show(arguments, call_job(convert, arguments))
 
 
 main = partial(program.main, parser, convert_bag)

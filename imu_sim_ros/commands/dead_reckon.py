@@ -16,7 +16,7 @@ from imu_sim_ros.commands.common import FORCE, output_and_plot, save_plot
 from imu_sim_ros.jobs.dead_reckon import dead_reckon, dead_reckon_all, lines, plot_tracks
 from imu_sim_ros.jobs.writing import PARAMETERS
 from imu_sim_ros.sensors.imu.presets import load_all
-from imu_sim_ros.terminal.signatures import arguments_of, assignment, call, reader
+from imu_sim_ros.terminal.signatures import arguments_of, call_job, parse_assignment, reader
 
 EXAMPLES: Final = """
 dead_reckon flight.mcap --all
@@ -40,7 +40,7 @@ _ARGUMENTS: Final = {
         "group": PARAMETERS,
     },
     "--set KEY=VALUE": {
-        "type": reader(assignment),
+        "type": reader(parse_assignment),
         "action": "append",
         "default": [],
         "help": "set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable",
@@ -67,9 +67,9 @@ def run(arguments: argparse.Namespace) -> None:
     )
     with output_and_plot(arguments) as (output, plot):
         if arguments.all:
-            tracks = call(dead_reckon_all, arguments, file_parameters, overrides)
+            tracks = call_job(dead_reckon_all, arguments, file_parameters, overrides)
         else:
-            tracks = [call(dead_reckon, arguments, file_parameters, overrides)]
+            tracks = [call_job(dead_reckon, arguments, file_parameters, overrides)]
         if output is not None:
             tracks[0].save(output)
         save_plot(plot, lambda: plot_tracks(tracks))

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> None:
     Body(parameters, read_states)  # a file that cannot be flown is refused before the start
     written = outputs(arguments)
     folder = written.add(arguments.output).path
-    with written.staged():
+    with written.stage():
         folder.mkdir()
         _demonstrate(parameters, arguments, folder)
     print(f"bag:     {arguments.output / demo.BAG}\npicture: {arguments.output / _PICTURE}")
@@ -76,7 +76,7 @@ def _demonstrate(
         f"at {parameters.rate:g} Hz: IMU {arguments.imu}, trajectory {arguments.trajectory}",
         flush=True,
     )
-    counts = demo.fly(parameters, folder)
+    counts = demo.run_nodes(parameters, folder)
     print_lines([demo.message_table(folder / demo.BAG, counts)])
     tracks = demo.tracks(parameters, folder / demo.BAG)
     print_lines([demo.error_table(tracks, parameters.duration)])

@@ -12,7 +12,7 @@ from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, output_and_plot, save_plot
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.jobs.evaluate import Evaluation, evaluate
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 
 EXAMPLES: Final = """
 evaluate track.csv flight.mcap
@@ -38,14 +38,14 @@ def parser() -> program.Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Compare, write the requested files, and print the results."""
     with output_and_plot(arguments) as (output, plot):
-        evaluation = call(evaluate, arguments)
+        evaluation = call_job(evaluate, arguments)
         if isinstance(evaluation, Evaluation):
             title = f"{arguments.estimate.name} against {arguments.truth.name}"
             save_plot(plot, lambda: evaluation.plot(title))
             if output is not None:
                 evaluation.save(output)
         else:
-            options = program.given(arguments, "plot", "output")
+            options = program.arguments_given(arguments, "plot", "output")
             if options:
                 raise InputError([f"--{n}: {evaluation.topic} is no trajectory" for n in options])
     names = {"estimate": str(arguments.estimate), "truth": str(arguments.truth)}

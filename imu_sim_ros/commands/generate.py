@@ -15,7 +15,7 @@ from imu_sim_ros.jobs.generate import generate as job
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import catalogue, switchable_sensors, switches
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 from imu_sim_ros.trajectory.parameters import TourParameters
 from imu_sim_ros.trajectory.tour import waypoints_file
 
@@ -133,7 +133,7 @@ def generate(arguments: argparse.Namespace) -> None:
     options = vars(arguments)
     names = [*switchable_sensors(), *(switch.name for switch in switches().values())]
     sensors = {name: enabled for name in names if (enabled := options[name])}
-    program.show(arguments, call(job, arguments, defaults=sensors))
+    program.show(arguments, call_job(job, arguments, defaults=sensors))
 
 
 main = partial(program.main, parser, generate)

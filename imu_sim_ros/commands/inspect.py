@@ -12,7 +12,7 @@ from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.jobs.inspect import inspect
 from imu_sim_ros.recordings.findings.finding import Finding
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 
 EXAMPLES: Final = """
 inspect flight.mcap
@@ -53,8 +53,8 @@ def run(arguments: argparse.Namespace) -> list[Finding]:
     page = None
     if arguments.output is not None:
         page = written.add(arguments.output, endings=(".html", ".htm"))
-    with written.staged():
-        inspection = call(inspect, arguments)
+    with written.stage():
+        inspection = call_job(inspect, arguments)
         failures = inspection.select(kinds)
         if page is not None:
             inspection.save(page.path)

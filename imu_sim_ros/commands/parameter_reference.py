@@ -158,7 +158,7 @@ def _table(rows: Mapping[str, Parameter]) -> Iterator[str]:
 
 def _row(name: str, parameter: Parameter) -> str:
     """Return the row of a parameter in the table."""
-    allowed = parameter.allowed().removesuffix(f" [{parameter.unit}]")
+    allowed = parameter.allowed_text().removesuffix(f" [{parameter.unit}]")
     cells: Iterable[str] = (
         f"`{name}`" + (" \\*" if parameter.live else ""),
         f"`{_plain(parameter.default)}`",

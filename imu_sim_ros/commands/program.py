@@ -18,13 +18,13 @@ from imu_sim_ros import __version__
 from imu_sim_ros.commands.completion import complete
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import InputWarning, Remark, explain
-from imu_sim_ros.core.names import unknown
-from imu_sim_ros.core.spelling import spelled_for
+from imu_sim_ros.core.names import unknown_name_line
+from imu_sim_ros.core.spelling import use_spelling
 from imu_sim_ros.core.types import Keywords
-from imu_sim_ros.inputs.sharing import opened_once
+from imu_sim_ros.inputs.sharing import open_files_once
 from imu_sim_ros.terminal import signals
-from imu_sim_ros.terminal.json_text import as_json
-from imu_sim_ros.terminal.progress import Watcher, terminal_bar, watched_by
+from imu_sim_ros.terminal.json_text import json_text
+from imu_sim_ros.terminal.progress import Watcher, terminal_bar, watch
 from imu_sim_ros.terminal.signatures import reader
 from imu_sim_ros.terminal.startup import open_standard_streams
 from imu_sim_ros.terminal.text_tables import TextTable, print_lines
@@ -66,7 +66,7 @@ def add_options(parser: argparse._ActionsContainer, options: Mapping[str, object
         groups.get(title, parser).add_argument(*names, **keywords)
 
 
-def given(arguments: argparse.Namespace, *names: str) -> dict[str, object]:
+def arguments_given(arguments: argparse.Namespace, *names: str) -> dict[str, object]:
     """Return the arguments of these names that are given."""
     values = vars(arguments)
     return {name: values[name] for name in names if values[name] is not None}
@@ -74,7 +74,7 @@ def given(arguments: argparse.Namespace, *names: str) -> dict[str, object]:
 
 def print_json(result: Mapping[str, object] | Sequence[object]) -> None:
     """Print a result as one JSON object; numbers that are not finite are null."""
-    print(as_json(result))
+    print(json_text(result))
 
 
 def print_result(
@@ -182,13 +182,13 @@ class Parser(argparse.ArgumentParser):
 
     def format_help(self) -> str:
         """Return the help, whose usage is that of ``imu_sim PROGRAM``."""
-        return self._as_called(super().format_help)
+        return self._replace_program_name(super().format_help)
 
     def format_usage(self) -> str:
         """Return the usage, that of ``imu_sim PROGRAM``."""
-        return self._as_called(super().format_usage)
+        return self._replace_program_name(super().format_usage)
 
-    def _as_called(self, formatted: Callable[[], str]) -> str:
+    def _replace_program_name(self, formatted: Callable[[], str]) -> str:
         """Return help or usage with the name under which the program was called."""
         short, self.prog = self.prog, _command_line(self.prog)
         try:
@@ -215,7 +215,7 @@ class Parser(argparse.ArgumentParser):
         self._refuse(self._unknown_options(sys.argv[1:] if args is None else args))
         parsed, rest = super().parse_known_args(args, namespace)
         self._end_if_wrong()
-        return self._with_choices(parsed), rest
+        return self._note_choices(parsed), rest
 
     def parse_args(  # type: ignore[override]  # the overloads say the same
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
@@ -231,9 +231,9 @@ class Parser(argparse.ArgumentParser):
             return self.parse_args(argv)
         namespace, rest = self.parse_known_intermixed_args(argv)
         self._refuse(rest)
-        return self._with_choices(namespace)
+        return self._note_choices(namespace)
 
-    def _with_choices(self, namespace: argparse.Namespace) -> argparse.Namespace:
+    def _note_choices(self, namespace: argparse.Namespace) -> argparse.Namespace:
         """Note the options with choices, whose values are no names of files."""
         choices = {action.dest for action in self._actions if action.choices is not None}
         namespace.words = vars(namespace).get("words", frozenset()) | choices
@@ -265,7 +265,7 @@ class Parser(argparse.ArgumentParser):
             ]:
                 self.problems.append(f"option {option!r} belongs after {' or '.join(owners)}")
             else:
-                self.problems.append(unknown("option", option, self._options(), ""))
+                self.problems.append(unknown_name_line("option", option, self._options(), ""))
         if unexpected:
             plural = "s" if len(unexpected) > 1 else ""
             self.problems.append(f"unexpected argument{plural} {', '.join(unexpected)}")
@@ -287,7 +287,7 @@ class Parser(argparse.ArgumentParser):
         """Refuse a value that is none of the choices, and suggest the nearest."""
         if action.choices is not None and value not in action.choices:
             name = (action.option_strings or [str(action.metavar or action.dest).lower()])[-1]
-            raise argparse.ArgumentError(None, unknown(name, value, action.choices))
+            raise argparse.ArgumentError(None, unknown_name_line(name, value, action.choices))
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
         """Return the value of ``--name=--``, too; argparse would pass an empty list on.
@@ -362,7 +362,7 @@ def main(
     debug = switches.get("debug", False)
     quiet = any(switches.get(name, False) for name in ("quiet", "json"))
     written: list[Path] = []
-    with watched_by(_watcher(program_parser.prog, quiet, written.append)):
+    with watch(_watcher(program_parser.prog, quiet, written.append)):
         return run(program_parser.prog, lambda: command(arguments), debug, written)
 
 
@@ -375,8 +375,8 @@ def _watcher(name: str, quiet: bool, complete: Callable[[Path], None]) -> Watche
     lines = Watcher(
         warn=said("warning: "),
         remark=said(""),
-        undisturbed=signals.collected,
-        interrupted=signals.interrupted,
+        undisturbed=signals.delay_signals,
+        interrupted=signals.is_interrupted,
         complete=complete,
     )
     return lines if quiet else replace(lines, bar=terminal_bar, note=said("note: "))
@@ -415,8 +415,8 @@ def run(
     :param written: the outputs that are complete so far.
     """
     try:
-        files, spelling = opened_once(), spelled_for("program")
-        with signals.raised(), _remarks(program), files, spelling:
+        files, spelling = open_files_once(), use_spelling("program")
+        with signals.raise_signals(), _remarks(program), files, spelling:
             command()
             sys.stdout.flush()
     except BrokenPipeError:  # `| head` closed standard output

@@ -14,7 +14,7 @@ from typing import Final
 from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.jobs.report import default_output, report
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 
 EXAMPLES: Final = """
 report results
@@ -43,8 +43,8 @@ def run(arguments: argparse.Namespace) -> None:
     inputs = [file for argument in arguments.inputs for file in _files(argument)]
     written = outputs(argparse.Namespace(**{**vars(arguments), "inputs": inputs}))
     page = written.add(path, endings=(".html", ".htm"))
-    with written.staged():
-        page_report = call(report, arguments, overrides={"output": page.path})
+    with written.stage():
+        page_report = call_job(report, arguments, overrides={"output": page.path})
     program.show(arguments, replace(page_report, output=path))
 
 

@@ -40,7 +40,7 @@ def _run(name: str) -> int:
     try:
         status: int = startup.load(f"imu_sim_ros.commands.{name}").main()
     finally:
-        signals.ignore()
+        signals.ignore_signals()
     signals.end_process()
     return status
 
@@ -104,9 +104,9 @@ def imu_sim() -> int:
         return _run(name)
     if name in NODES:
         return getattr(importlib.import_module("imu_sim_ros.nodes.start"), name)()
-    from imu_sim_ros.core.names import unknown
+    from imu_sim_ros.core.names import unknown_name_line
 
-    print(f"imu_sim: {unknown('program', name, PROGRAMS | NODES)}", file=sys.stderr)
+    print(f"imu_sim: {unknown_name_line('program', name, PROGRAMS | NODES)}", file=sys.stderr)
     return 2
 
 

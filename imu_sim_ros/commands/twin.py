@@ -17,7 +17,7 @@ from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.formats.door import has_topics
 from imu_sim_ros.jobs.twin import twin
-from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call_job
 
 EXAMPLES: Final = """
 twin flight.bag --truth mocap.tum -o twin
@@ -52,14 +52,14 @@ def run(arguments: argparse.Namespace) -> None:
     """Find the twin, write the files and print."""
     written = outputs(arguments)
     staging = None if arguments.no_files else written.add_files(arguments.output, _FILES)
-    with written.staged():
-        digital_twin = call(twin, arguments, overrides={"truth": arguments.truth})
+    with written.stage():
+        digital_twin = call_job(twin, arguments, overrides={"truth": arguments.truth})
         if staging is not None:
             from imu_sim_ros.plots import style
 
             digital_twin.write(staging / _FILES[0])
             style.save(digital_twin.plot(), staging / _FILES[1])
-    aiding = _aiding(arguments.recording)
+    aiding = _aiding_topics(arguments.recording)
     if aiding and not arguments.quiet:
         print(
             f"twin: {', '.join(aiding)}: not fitted; the twin is that of the IMU. --gnss and "
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> None:
     program.print_result(arguments, digital_twin.to_dict(), chain(digital_twin.lines(), files))
 
 
-def _aiding(recording: Path) -> list[str]:
+def _aiding_topics(recording: Path) -> list[str]:
     """Return the topics of a recording that receivers and wheels have, without their truth."""
     if not has_topics(recording):
         return []

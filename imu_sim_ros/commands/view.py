@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags.clouds import cloud_frame, measured_clouds, read_cloud, read_clouds
+from imu_sim_ros.bags.clouds import cloud_frame, measured_cloud_topics, read_cloud, read_clouds
 from imu_sim_ros.bags.messages.encode import ODOMETRY, VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
@@ -29,13 +29,13 @@ from imu_sim_ros.core.conventions import (
     TRIADS,
 )
 from imu_sim_ros.core.errors import InputError, Problems
-from imu_sim_ros.core.records import States, concatenated
+from imu_sim_ros.core.records import States, concatenate
 from imu_sim_ros.core.types import JsonObject
-from imu_sim_ros.datasets.world import fixed_in, frame_of, pose_between
+from imu_sim_ros.datasets.world import frame_of, static_transforms, transform_between
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import has_topics, imu_choices, read_trajectory, reading_blocks
 from imu_sim_ros.jobs.recorded import camera_names, read_images
-from imu_sim_ros.jobs.selection import checked_choice, input_lines
+from imu_sim_ros.jobs.selection import check_choice, input_lines
 from imu_sim_ros.jobs.tracks import has_truth, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
 
@@ -82,7 +82,7 @@ def view(arguments: argparse.Namespace) -> None:
     rerun()  # said before anything is read
     written = outputs(arguments)
     save = arguments.save and written.add(arguments.save, endings=(".rrd",))
-    with written.staged():
+    with written.stage():
         truth, paths = _paths(arguments)  # what cannot be read is said before the viewer starts
         shown = FlightView(arguments.flight.name)
         if save:
@@ -101,14 +101,14 @@ def view(arguments: argparse.Namespace) -> None:
 def _paths(arguments: argparse.Namespace) -> tuple[str | None, dict[str, States]]:
     """Return the topic of the truth, and truth and estimates by name, as far as there are some."""
     flight, paths, problems = arguments.flight, dict[str, States](), Problems()
-    with problems.gathered():
+    with problems.collect():
         is_known = has_truth(flight)
         truth = truth_topic(flight, arguments.truth_topic) if is_known else None
         if truth is not None or (is_known and not has_topics(flight)):
             paths[_TRUTH] = read_trajectory(flight, truth)
     for estimate in arguments.estimates:
         name = estimate.stem if estimate.stem not in paths else str(estimate.with_suffix(""))
-        with problems.gathered():
+        with problems.collect():
             paths[name] = read_trajectory(estimate)
     problems.tell()
     return truth, paths
@@ -134,7 +134,7 @@ def _fill(
         blocks = list(reading_blocks(flight, imu))
         if not blocks:
             continue
-        readings = concatenated(blocks)
+        readings = concatenate(blocks)
         name = (imu.topic or "imu").strip("/")
         for triad, values in zip(TRIADS, (readings.gyro, readings.accel), strict=True):
             if values is not None:
@@ -167,7 +167,7 @@ def _choice(arguments: argparse.Namespace) -> Choice:
     """Return frame, topics and units of the readings."""
     triads = arguments.gyro_topic, arguments.accel_topic
     units = arguments.gyro_unit, arguments.accel_unit
-    return checked_choice(None, arguments.frame, *triads, *units, of_a_file=True)
+    return check_choice(None, arguments.frame, *triads, *units, of_a_file=True)
 
 
 def _topics(flight: Path, *types: str) -> list[str]:
@@ -191,10 +191,10 @@ def _clouds(shown: FlightView, flight: Path, body: str) -> int:
 
     :param body: frame of the true poses; empty: there are none.
     """
-    topics = measured_clouds(flight)
+    topics = measured_cloud_topics(flight)
     for topic in topics:
         frame = cloud_frame(flight, topic)
-        mount = pose_between(fixed_in(flight), frame, body) if body else None
+        mount = transform_between(static_transforms(flight), frame, body) if body else None
         fixed = None if mount is None else (f"{_TRUTH}/body/{frame}", mount)
         if fixed is None:
             print(

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.core.errors import ArgumentTypeError, ConfigurationError
-from imu_sim_ros.core.names import printable, shown, suggestion
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.names import printable_text, short_repr, suggestion
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import AnyArray, Array, Integers
 
 _P = ParamSpec("_P")
@@ -35,7 +35,7 @@ def refuse(name: str, value: object, allowed: str, wrong_type: bool = False) -> 
     :raises ConfigurationError: always; an ArgumentTypeError for a wrong type.
     """
     kind = ArgumentTypeError if wrong_type else ConfigurationError
-    raise kind(f"{stated(name, shown(value))}: must be {allowed}")
+    raise kind(f"{argument_prefix(name, short_repr(value))}: must be {allowed}")
 
 
 def suggest_keywords(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -85,7 +85,7 @@ def text(name: str, value: object, allowed: str, empty: bool = False) -> str:
     return value
 
 
-def one_of(name: str, value: object, choices: Collection[str]) -> str:
+def choice(name: str, value: object, choices: Collection[str]) -> str:
     """Return a word that is one of the choices.
 
     :raises ConfigurationError: for anything else, with the nearest right one.
@@ -93,11 +93,13 @@ def one_of(name: str, value: object, choices: Collection[str]) -> str:
     if not isinstance(value, str):
         refuse(name, value, f"one of {', '.join(choices)}", wrong_type=True)
     if value not in choices:
-        raise ConfigurationError(f"{stated(name, shown(value))}: {suggestion(value, choices)}")
+        raise ConfigurationError(
+            f"{argument_prefix(name, short_repr(value))}: {suggestion(value, choices)}"
+        )
     return value
 
 
-def words(name: str, value: object) -> tuple[str, ...]:
+def string_list(name: str, value: object) -> tuple[str, ...]:
     """Return a list of strings, from a list or a single string.
 
     :raises ConfigurationError: for anything else.
@@ -122,7 +124,7 @@ def topic(name: str, value: object, of_a_file: bool = True) -> str | None:
     return topic_name
 
 
-def switch(name: str, value: object) -> bool:
+def boolean(name: str, value: object) -> bool:
     """Return True or False.
 
     :raises ConfigurationError: for anything else.
@@ -152,7 +154,7 @@ def number(
     return float(value)
 
 
-def whole(name: str, value: object, allowed: str, low: int, high: int) -> int:
+def integer(name: str, value: object, allowed: str, low: int, high: int) -> int:
     """Return an integer in a range.
 
     :raises ConfigurationError: for another value.
@@ -173,7 +175,7 @@ def block_size(name: str, value: object) -> int:
 
     :raises ConfigurationError: for anything but an integer from 1 to ``LARGEST_BLOCK``.
     """
-    return whole(name, value, f"an integer from 1 to {LARGEST_BLOCK}", 1, LARGEST_BLOCK)
+    return integer(name, value, f"an integer from 1 to {LARGEST_BLOCK}", 1, LARGEST_BLOCK)
 
 
 def array(name: str, value: object, shape: tuple[int | None, ...], finite: bool = True) -> Array:
@@ -211,7 +213,7 @@ def vectors(name: str, value: ArrayLike, length: int) -> Array:
     return array(name, value, several, finite=False)
 
 
-def numbers(value: object) -> tuple[float, float, float] | None:
+def float_triple(value: object) -> tuple[float, float, float] | None:
     """Return three numbers that are an array (3,), a list or a tuple of floats; else None."""
     if isinstance(value, np.ndarray):
         value = value.tolist() if value.dtype == _FLOAT64 and value.shape == (3,) else ()
@@ -237,7 +239,8 @@ def _plain(name: str, value: object, allowed: str) -> AnyArray:
         return value
     if isinstance(value, np.ma.MaskedArray) and (masked := np.count_nonzero(value.mask)):
         raise ConfigurationError(
-            f"{stated(name)}: {masked} of {value.size} values are masked: leave these rows out"
+            f"{argument_prefix(name)}: {masked} of {value.size} values are masked: leave these "
+            "rows out"
         )
     try:
         if hasattr(value, "__dlpack__") and not hasattr(value, "__array__"):
@@ -247,7 +250,7 @@ def _plain(name: str, value: object, allowed: str) -> AnyArray:
         refuse(name, value, allowed, wrong_type=True)
     except (RuntimeError, BufferError) as error:  # on a device, or with a gradient
         raise ArgumentTypeError(
-            f"{stated(name)}: cannot be taken as a NumPy array: {error}"
+            f"{argument_prefix(name)}: cannot be taken as a NumPy array: {error}"
         ) from None
 
 
@@ -269,4 +272,4 @@ def stamps(name: str, value: object) -> Integers:
 
 def name_of(path: Path) -> str:
     """Return the name of a file or folder for titles, that of ``.`` too."""
-    return printable(path.name or path.resolve().name or str(path))
+    return printable_text(path.name or path.resolve().name or str(path))

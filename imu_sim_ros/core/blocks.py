@@ -27,7 +27,7 @@ def blocks(count: int, window: int = 1) -> Iterator[slice]:
         yield slice(begin, min(begin + rows, count))
 
 
-def squared_lengths(vectors: Array) -> Array:
+def squared_vector_lengths(vectors: Array) -> Array:
     """Return the squared lengths (n,) of vectors (n, k)."""
     squares = np.empty(len(vectors))
     for rows in blocks(len(vectors)):
@@ -35,9 +35,9 @@ def squared_lengths(vectors: Array) -> Array:
     return squares
 
 
-def lengths(vectors: Array) -> Array:
+def vector_lengths(vectors: Array) -> Array:
     """Return the lengths (n,) of vectors (n, k)."""
-    squares = squared_lengths(vectors)
+    squares = squared_vector_lengths(vectors)
     return np.sqrt(squares, out=squares)
 
 
@@ -45,5 +45,5 @@ def step_lengths(points: Array) -> Array:
     """Return the distances (n - 1,) of neighbours among points (n, k)."""
     distances = np.empty(max(len(points) - 1, 0))
     for rows in blocks(len(distances)):
-        distances[rows] = lengths(np.diff(points[rows.start : rows.stop + 1], axis=0))
+        distances[rows] = vector_lengths(np.diff(points[rows.start : rows.stop + 1], axis=0))
     return distances

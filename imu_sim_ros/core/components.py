@@ -80,7 +80,7 @@ def float_matrix(values: ArrayLike) -> Matrix[float]:
     return a, b, c, d, e, f, g, h, i
 
 
-def split(vectors: Array) -> AnyVector:
+def components_of(vectors: Array) -> AnyVector:
     """Return the components of vectors (n, ..., 3): floats of a single one (1, 3), else arrays."""
     if vectors.shape == (1, 3):
         ((x, y, z),) = vectors.tolist()
@@ -88,7 +88,7 @@ def split(vectors: Array) -> AnyVector:
     return vectors[..., 0], vectors[..., 1], vectors[..., 2]
 
 
-def together(components: AnyVector, shape: tuple[int, ...]) -> Array:
+def combine(components: AnyVector, shape: tuple[int, ...]) -> Array:
     """Return components, floats or arrays, as vectors of a shape (n, ..., 3), a new array."""
     if shape == (1, 3):
         return np.array((components,))
@@ -161,19 +161,19 @@ def quantise(x: Component, step: Component, lower: Component, upper: Component) 
     return np.minimum(np.maximum(np.rint(x / step), lower), upper) * step
 
 
-def whole(x: Any) -> Any:
+def nearest_integer(x: Any) -> Any:
     """Return the nearest whole number as an integer."""
     return round(x) if type(x) is float else np.rint(x).astype(np.int64)
 
 
-def limit(x: Component, lower: Component | float, upper: Component | float) -> Component:
+def clip(x: Component, lower: Component | float, upper: Component | float) -> Component:
     """Return x within limits."""
     if type(x) is float:
         return lower if x < lower else upper if x > upper else x
     return np.minimum(np.maximum(x, lower), upper)
 
 
-def anywhere(condition: bool | Mask) -> bool:
+def any_element(condition: bool | Mask) -> bool:
     """Return whether a comparison of components holds for any of their elements."""
     return condition if isinstance(condition, bool) else bool(condition.any())
 
@@ -286,7 +286,7 @@ def log(q: Quaternion[Component]) -> Vector[Component]:
     small = sine < _SMALL_SINE
     # 2 atan2(s, w) / s; near zero its series 2 / w - 2 s^2 / (3 w^3) (Sola eq. 105).
     factor = 2.0 * arctan2(sine, cosine) / where(small, 1.0, sine)
-    if anywhere(small):
+    if any_element(small):
         safe = where(small, cosine, 1.0)
         factor = where(small, 2.0 / safe - 2.0 / 3.0 * sine**2 / safe**3, factor)
     factor = where(w < 0.0, -factor, factor)  # q and -q are one rotation

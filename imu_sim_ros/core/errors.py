@@ -55,7 +55,7 @@ class Problems(list[str]):
 
         problems = Problems()
         for file in files:
-            with problems.gathered():
+            with problems.collect():
                 load(file)
         problems.tell()
     """
@@ -67,7 +67,7 @@ class Problems(list[str]):
         """Prefixes of parameters that depend on a wrong part; they are not checked."""
 
     @contextmanager
-    def gathered(self, prefix: str = "", hanging: str | None = None) -> Iterator[None]:
+    def collect(self, prefix: str = "", hanging: str | None = None) -> Iterator[None]:
         """Collect the problems that the block raises, so that later blocks are checked, too.
 
         :param prefix: text in front of each line.
@@ -127,7 +127,7 @@ def system_error(path: str | Path, error: OSError) -> ImuSimError:
 
 
 @contextmanager
-def naming(source: str | Path, kind: type[ImuSimError] = InputError) -> Iterator[None]:
+def name_source(source: str | Path, kind: type[ImuSimError] = InputError) -> Iterator[None]:
     """Prefix the problems in a block with the name of a file, unless they begin with it."""
     try:
         yield

@@ -171,7 +171,7 @@ def poses(t_ns: Times, position: Array, q_wb: Array, velocity: Array | None = No
     return Verdict(t_ns, columns if velocity is None else [*columns, (VELOCITY, velocity)])
 
 
-def at_unit_length(q: Array) -> Array:
+def normalise_quaternions(q: Array) -> Array:
     """Return quaternions that have passed at exactly unit length.
 
     :param q: (n, 4) quaternions; returned unchanged if all differ from unit length by rounding in
@@ -217,14 +217,14 @@ def is_reading(t_ns: int, gyro: Scalars, accel: Scalars) -> bool:
 
 def is_pose(t_ns: int, position: Scalars, q_wb: Scalars) -> bool:
     """Return whether one pose is within the limits, in plain floats (:func:`poses`)."""
-    if not (FIRST_STAMP <= t_ns <= LAST_STAMP and within(position, POSITION)):
+    if not (FIRST_STAMP <= t_ns <= LAST_STAMP and is_within(position, POSITION)):
         return False
     w, x, y, z = q_wb
     smallest, largest = (1.0 - UNIT_TOLERANCE) ** 2, (1.0 + UNIT_TOLERANCE) ** 2
     return smallest <= w * w + x * x + y * y + z * z <= largest
 
 
-def within(values: Scalars, quantity: Quantity) -> bool:
+def is_within(values: Scalars, quantity: Quantity) -> bool:
     """Return whether a vector is within its limit, in plain floats; NaN never is."""
     x, y, z = values
     limit = quantity.largest

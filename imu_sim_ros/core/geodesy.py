@@ -21,7 +21,7 @@ def radii_of_curvature(latitude: Array) -> tuple[Array, Array]:
     return vertical * (1.0 - ECCENTRICITY_SQUARED) / w, vertical
 
 
-def earth_fixed(latitude_deg: Array, longitude_deg: Array, height: Array) -> Array:
+def ecef_of_geodetic(latitude_deg: Array, longitude_deg: Array, height: Array) -> Array:
     """Return Earth-fixed coordinates (n, 3) [m] of places on WGS84 (Groves, 2nd ed., eq. 2.112).
 
     :param latitude_deg: (n,) geodetic latitudes [deg].
@@ -54,5 +54,5 @@ def tangent_plane(geodetic: Array, origin: Array) -> Array:
     :param origin: (3,) latitude and longitude [deg], and height [m] of the origin.
     """
     latitude, longitude, height = (np.array([coordinate]) for coordinate in origin)
-    difference = earth_fixed(*geodetic.T) - earth_fixed(latitude, longitude, height)
+    difference = ecef_of_geodetic(*geodetic.T) - ecef_of_geodetic(latitude, longitude, height)
     return np.einsum("ij,nj->ni", east_north_up(latitude, longitude)[0], difference)

@@ -17,7 +17,7 @@ _LETTERS_LISTED: Final = 400
 """A line that lists names has about so many letters of them at the most."""
 
 
-def printable(text: str) -> str:
+def printable_text(text: str) -> str:
     """Return a text that every file can hold: names of files and arguments need not be UTF-8.
 
     A byte of such a name, which Python has as a surrogate, is shown by its number.
@@ -65,13 +65,13 @@ def nearest(name: object, candidates: Iterable[str], similarity: float = 0.6) ->
     return lower[matches[0]] if matches else None
 
 
-def shown(value: object) -> str:
+def short_repr(value: object) -> str:
     """Return a value as messages show it: one line, cut if it is long."""
     text = " ".join(repr(value).split())
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
 
 
-def unknown(
+def unknown_name_line(
     kind: str, name: object, candidates: Iterable[str], otherwise: str | None = None
 ) -> str:
     """Return a line on a name: ``unknown IMU 'mpu600'; did you mean mpu6000?``.

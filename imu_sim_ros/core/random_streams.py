@@ -265,6 +265,6 @@ class Streams:
         return numbers
 
 
-def by_axis(numbers: Array) -> Array:
+def axes_first(numbers: Array) -> Array:
     """Return numbers (count, *units, axes) of streams as (*units, axes, count), without a copy."""
     return numbers.transpose(*range(1, numbers.ndim), 0)

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.core import gate
-from imu_sim_ros.core.arguments import array, number, refuse, stamps, text, whole, words
+from imu_sim_ros.core.arguments import array, integer, number, refuse, stamps, string_list, text
 from imu_sim_ros.core.components import Quaternion, Vector
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.spelling import argument
-from imu_sim_ros.core.timebase import seconds_since, span
+from imu_sim_ros.core.timebase import describe_span, seconds_since
 from imu_sim_ros.core.types import AnyArray, Array, Integers, Keywords, Mask, Times
 
 if TYPE_CHECKING:
@@ -98,9 +98,9 @@ class TimeSeries:
             if name.endswith("frame_id"):
                 text(f"{prefix}{name}", value, "a name", empty=True)
             elif name in ("skipped", "repeated"):
-                whole(f"{prefix}{name}", value, "a count of rows", 0, MOST_ROWS)
+                integer(f"{prefix}{name}", value, "a count of rows", 0, MOST_ROWS)
             elif name == "notes":
-                words(f"{prefix}{name}", value)
+                string_list(f"{prefix}{name}", value)
         self._check(gate.Verdict(columns["t_ns"], quantities), source)
         for name, values in columns.items():
             object.__setattr__(self, name, values)  # frozen
@@ -140,7 +140,7 @@ class TimeSeries:
         return len(self.t_ns)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.source}: {span(self.t_ns)}>"
+        return f"<{type(self).__name__} {self.source}: {describe_span(self.t_ns)}>"
 
     def rows(self, selection: Rows) -> Self:
         """Return a record of some rows.
@@ -234,14 +234,14 @@ class Readings(TimeSeries):
         """
         if self.gyro is None or self.accel is None:
             raise InputError(
-                absence(self.source, triad)
+                absent_triad_line(self.source, triad)
                 for triad, values in zip(TRIADS, (self.gyro, self.accel), strict=True)
                 if values is None
             )
         return self.gyro, self.accel
 
 
-def absence(source: str, triad: str) -> str:
+def absent_triad_line(source: str, triad: str) -> str:
     """Return the line about a source without the readings of a triad that a job needs."""
     names = f"{argument('gyro_topic')} and {argument('accel_topic')}"
     return (
@@ -291,7 +291,7 @@ class States(TimeSeries):
             if values is None:
                 refuse(name, None, f"an array (n, {width})", wrong_type=True)
         super().__post_init__()
-        object.__setattr__(self, "q_wb", gate.at_unit_length(self.q_wb))
+        object.__setattr__(self, "q_wb", gate.normalise_quaternions(self.q_wb))
 
     def velocities(self) -> Array:
         """Return the velocities (n, 3) in the world [m/s], for work that needs them.
@@ -415,7 +415,7 @@ def _record(cls: type[SeriesT], values: Mapping[str, object]) -> SeriesT:
     return record
 
 
-def with_fields(record: SeriesT, **changes: Any) -> SeriesT:
+def replace_fields(record: SeriesT, **changes: Any) -> SeriesT:
     """Return a record with other texts, or with columns that this package computed, unchecked.
 
     :param changes: fields by name.
@@ -423,7 +423,7 @@ def with_fields(record: SeriesT, **changes: Any) -> SeriesT:
     return type(record).unchecked(**(_values(record) | changes))
 
 
-def concatenated(records: Iterable[SeriesT]) -> SeriesT:
+def concatenate(records: Iterable[SeriesT]) -> SeriesT:
     """Return consecutive blocks of one source as one record; columns that one block lacks are None.
 
     Of an iterator's blocks each column is free as soon as it is joined.

@@ -153,7 +153,7 @@ def canonical(q: ArrayLike) -> Array:
     return np.where(q[..., :1] < 0, -q, q)
 
 
-def continuous(q: ArrayLike) -> Array:
+def unwrap_signs(q: ArrayLike) -> Array:
     """Return a sequence (n, 4) with signs such that neighbours lie in one hemisphere."""
     q = np.asarray(q, dtype=np.float64)
     products = q[1:] * q[:-1]

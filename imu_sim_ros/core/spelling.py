@@ -35,7 +35,7 @@ _MENTION: Final = re.compile(r"\{(\w+)(?: ([^}]+))?\}")
 
 
 @contextmanager
-def spelled_for(
+def use_spelling(
     door: Door, options: Mapping[str, str] | None = None, typed: Collection[str] = ()
 ) -> Iterator[None]:
     """Spell names of arguments as the users of a door type them: command, Python or node.
@@ -87,7 +87,7 @@ def job_argument(job: str, name: str) -> str:
     return f"{_PROGRAMS.get(job, job)} --{name.replace('_', '-')}"
 
 
-def stated(name: str, value: str = "") -> str:
+def argument_prefix(name: str, value: str = "") -> str:
     """Return an argument that a line is about, as the beginning of the line.
 
     :param name: name of the job's argument.
@@ -99,7 +99,7 @@ def stated(name: str, value: str = "") -> str:
     return f"{name} = {value}" if value else name
 
 
-def spelled(template: str) -> str:
+def spell_arguments(template: str) -> str:
     """Return a text in which ``{name}`` and ``{name value}`` are recommended arguments."""
     return _MENTION.sub(
         lambda mention: argument(mention[1], True if mention[2] == "true" else mention[2]), template

@@ -63,7 +63,7 @@ def sample_count(duration: float, rate: float) -> int:
     :param rate: samples per second [Hz], > 0.
     """
     # The product of two decimal numbers such as 0.1 s and 30 Hz may miss an integer by rounding.
-    samples = exact(duration) * exact_rate(rate)
+    samples = exact_fraction(duration) * exact_rate(rate)
     return -(-samples.numerator // samples.denominator)
 
 
@@ -87,14 +87,14 @@ def seconds_since(t_ns: Integers, t0_ns: int) -> Array:
 
 
 @lru_cache(maxsize=64)
-def exact(seconds: float) -> Fraction:
+def exact_fraction(seconds: float) -> Fraction:
     """Return a duration as the decimal fraction that was meant: 0.1 is 1/10 [s]."""
     return Fraction(repr(float(seconds)))
 
 
 def to_nanoseconds(seconds: float) -> int:
     """Return a duration in whole nanoseconds, the nearest one."""
-    return round(exact(seconds) * NANOSECONDS_PER_SECOND)
+    return round(exact_fraction(seconds) * NANOSECONDS_PER_SECOND)
 
 
 _LONGEST_DURATION: Final = 40
@@ -117,7 +117,7 @@ _EQUAL_NS: Final = 2
 """Differences of steps up to which they are equal, but for rounding to nanoseconds."""
 
 
-def span(t_ns: Integers) -> str:
+def describe_span(t_ns: Integers) -> str:
     """Return how many rows there are and for how long, with the rate if their steps are equal.
 
     The rate of other stamps is that of the clock behind them, which ``inspect`` tells.

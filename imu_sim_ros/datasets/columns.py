@@ -16,7 +16,7 @@ from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.core.errors import system_error
 from imu_sim_ros.core.types import AnyArray
-from imu_sim_ros.terminal.progress import watcher
+from imu_sim_ros.terminal.progress import current_watcher
 
 Column = AnyArray
 
@@ -163,6 +163,6 @@ class Tables:
         if error is not None and self._checkpoints is not None:
             for drop_rows in self._checkpoints:
                 drop_rows()
-        with watcher().undisturbed():
+        with current_watcher().undisturbed():
             for table in self.open:
                 table.close(error)

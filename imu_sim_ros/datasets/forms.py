@@ -24,14 +24,14 @@ from imu_sim_ros.bags.writer import (
     BagTopic,
     Block,
     Writer,
-    amount,
+    describe_amount,
     topics_summary,
 )
 from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.core.names import unknown
+from imu_sim_ros.core.names import unknown_name_line
 from imu_sim_ros.core.records import States
-from imu_sim_ros.core.spelling import argument, stated
+from imu_sim_ros.core.spelling import argument, argument_prefix
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
@@ -78,7 +78,7 @@ def check_form(
         forms = seeing[0].datasets
         if form not in forms or path.suffix == ".csv":
             raise InputError(
-                f"{stated('cameras')}: need a bag, or a folder and "
+                f"{argument_prefix('cameras')}: need a bag, or a folder and "
                 f"{argument('format')}: {', '.join(forms)}"
             )
     if not seeing and form in CAMERA_FORMATS:
@@ -137,7 +137,7 @@ def _has_messages(offer: Offered) -> bool:
     return True
 
 
-def chosen_topics(
+def topics_to_write(
     sensors: Mapping[str, Mounted[MountedParameters]],
     form: str | None,
     path: Path,
@@ -164,7 +164,7 @@ def chosen_topics(
         matches = [full for full, offer in topics_by_name.items() if offer.topic.name == name]
         names += matches if matches and name not in topics_by_name else [name]
     problems = [
-        unknown("topic", name, tuple(topics_by_name))
+        unknown_name_line("topic", name, tuple(topics_by_name))
         for name in [*names, *renamed]
         if name not in topics_by_name
     ]
@@ -309,7 +309,7 @@ class DatasetTarget:
 
     def summary(self) -> str:
         """Return the amount of data written, as text, with that of each camera."""
-        rows = amount(self.dataset.rows, self.dataset.last_ns, "rows")
+        rows = describe_amount(self.dataset.rows, self.dataset.last_ns, "rows")
         return rows if self._camera_files is None else f"{rows}, {self._camera_files.summary()}"
 
     @property

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.bags.writer import amount
+from imu_sim_ros.bags.writer import describe_amount
 from imu_sim_ros.core.conventions import DEPTH_TOPIC, FLOW_TOPIC, IMAGE_TOPIC
 from imu_sim_ros.core.errors import InputError, system_error
 from imu_sim_ros.core.types import Bytes, Single
@@ -180,7 +180,7 @@ class ImageFolders:
         camera = self.views[frame.camera].parameters
         if camera.images != "none":
             image: Bytes = samples.image[frame.row]
-            in_range = in_16_bits(image) if self._has_16_bits and image.ndim == 2 else image
+            in_range = widen_to_16_bits(image) if self._has_16_bits and image.ndim == 2 else image
             self._write_file(path, png(in_range))
         outputs = self._outputs(camera)
         if DEPTH_FOLDER in outputs:
@@ -266,7 +266,9 @@ class ImageFolders:
     def summary(self) -> str:
         """Return the number of images of each camera and their end, as text."""
         return ", ".join(
-            amount(len(frames), frames[-1].t_ns if frames else -1, f"images of {view.name}")
+            describe_amount(
+                len(frames), frames[-1].t_ns if frames else -1, f"images of {view.name}"
+            )
             for view, frames in zip(self.views, self._frames, strict=True)
         )
 
@@ -305,7 +307,7 @@ def millimetres(depth: Single) -> NDArray[np.uint16]:
     return np.where(rounded <= np.iinfo(np.uint16).max, rounded, 0.0).astype(np.uint16)
 
 
-def in_16_bits(image: Bytes) -> NDArray[np.uint16]:
+def widen_to_16_bits(image: Bytes) -> NDArray[np.uint16]:
     """Return grey values (h, w) in 16 bits, the upper 8 of which are the given ones."""
     return image.astype(np.uint16) * np.uint16(256)
 

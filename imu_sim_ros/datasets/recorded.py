@@ -20,7 +20,7 @@ from imu_sim_ros.core.bad_rows import (
     BadRows,
     Skipped,
 )
-from imu_sim_ros.core.errors import InputError, naming, system_error
+from imu_sim_ros.core.errors import InputError, name_source, system_error
 from imu_sim_ros.core.types import AnyArray, Array, Integers
 from imu_sim_ros.inputs.rows import (
     is_present,
@@ -28,7 +28,7 @@ from imu_sim_ros.inputs.rows import (
     open_regular,
     read_text,
     row_blocks,
-    shortened,
+    shorten_word,
 )
 from imu_sim_ros.recordings.cameras import PLUMB_BOB, CameraInfo, CameraRecord
 from imu_sim_ros.recordings.clock import estimate_clock
@@ -157,7 +157,7 @@ def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCam
             folder = parent / name
             if name not in cameras:
                 images = _images(folder, skipped)
-                depth = _stamped_images(folder / DEPTH_FOLDER)
+                depth = _find_stamped_images(folder / DEPTH_FOLDER)
                 if images is not None or depth is not None:
                     description, text = _read_description(path, folder)
                     camera = FolderCamera(name, images, depth, description, text)
@@ -168,10 +168,10 @@ def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCam
 def _images(folder: Path, skipped: Skipped | None) -> RecordedFrames | None:
     """Return the images of a camera's folder: those of its table, or all with stamps as names."""
     table = folder / "data.csv"
-    return _listed_images(table, skipped) if is_present(table) else _stamped_images(folder)
+    return _read_image_list(table, skipped) if is_present(table) else _find_stamped_images(folder)
 
 
-def _stamped_images(folder: Path) -> RecordedFrames | None:
+def _find_stamped_images(folder: Path) -> RecordedFrames | None:
     """Return the images of a folder that are named by their stamps [ns]; None without any."""
     image_names = filter(_IMAGE.fullmatch, names_in(folder))
     names = sorted(image_names, key=lambda name: int(name.partition(".")[0]))
@@ -181,7 +181,7 @@ def _stamped_images(folder: Path) -> RecordedFrames | None:
     return RecordedFrames(folder, np.array(stamps, dtype=np.int64), names) if names else None
 
 
-def _listed_images(table: Path, skipped: Skipped | None) -> RecordedFrames:
+def _read_image_list(table: Path, skipped: Skipped | None) -> RecordedFrames:
     """Return the images of a data.csv, all of which must exist."""
     folder = table.parent / "data"
     files = set(names_in(folder))
@@ -222,12 +222,12 @@ def _problem(fields: list[str], files: set[str], last_ns: int) -> tuple[str, str
         return COLUMNS, f"{len(fields)} columns; expected nanoseconds and a file name"
     stamp, name = fields
     if not _STAMP.fullmatch(stamp) or int(stamp) >= 1 << 63:
-        return STAMPS, f"{shortened(stamp)} is not a stamp in nanoseconds"
+        return STAMPS, f"{shorten_word(stamp)} is not a stamp in nanoseconds"
     if int(stamp) < last_ns:
         step = (last_ns - int(stamp)) * 1e-9
         return STAMPS, f"the stamp is {step:.9g} s before that of an earlier line"
     if name not in files:
-        return VALUES, f"the image {shortened(name)} is not in data/"
+        return VALUES, f"the image {shorten_word(name)} is not in data/"
     return None
 
 
@@ -248,7 +248,7 @@ def read_image(path: Path) -> tuple[bytes, Size]:
 
     :raises InputError: if it is not a file, or not a complete image.
     """
-    with open_regular(path) as file, naming(path):
+    with open_regular(path) as file, name_source(path):
         try:
             data = file.read()
         except OSError as error:
@@ -276,7 +276,7 @@ class OneSize:
             )
 
 
-def as_png(data: bytes) -> bytes:
+def png_bytes(data: bytes) -> bytes:
     """Return an encoded image as PNG; a PNG image is unchanged.
 
     :raises InputError: for bytes that are no image.

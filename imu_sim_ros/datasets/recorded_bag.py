@@ -14,17 +14,17 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags.cameras import RecordedCamera, base_of, camera_info, is_rectified
+from imu_sim_ros.bags.cameras import RecordedCamera, camera_info, camera_namespace, is_rectified
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE
 from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import write_bytes
-from imu_sim_ros.bags.read import decoded_messages
+from imu_sim_ros.bags.read import decode_messages
 from imu_sim_ros.bags.reader import Bag
-from imu_sim_ros.bags.threads import cores
+from imu_sim_ros.bags.threads import core_count
 from imu_sim_ros.core.conventions import CAMERA_INFO_TOPIC, TF_STATIC_TOPIC
-from imu_sim_ros.core.errors import InputError, naming, system_error
+from imu_sim_ros.core.errors import InputError, name_source, system_error
 from imu_sim_ros.core.gate import stamp_ns
 from imu_sim_ros.core.types import AnyArray, Array
 from imu_sim_ros.datasets.images import image_name, millimetres, write_table
@@ -32,10 +32,10 @@ from imu_sim_ros.datasets.recorded import (
     DEPTH_FOLDER,
     Description,
     OneSize,
-    as_png,
+    png_bytes,
     sensor_yaml,
 )
-from imu_sim_ros.datasets.transforms import Transforms, fixed_transforms, to_root
+from imu_sim_ros.datasets.transforms import Transforms, transform_to_root, transforms_of_message
 from imu_sim_ros.recordings.cameras import CameraInfo, CameraRecord
 from imu_sim_ros.recordings.findings.cameras import UNUSABLE
 from imu_sim_ros.recordings.findings.catalogue import camera_findings
@@ -126,18 +126,18 @@ class RecordedImages:
             sizes[name].check(name, future.result())
             advance(1)
 
-        jobs = cores()
+        jobs = core_count()
         pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         try:
-            for topic, message in decoded_messages(self._bag, self._topics_to_read()):
+            for topic, message in decode_messages(self._bag, self._topics_to_read()):
                 if topic.name not in self._folders:
                     self._learn(topic, message)
                     continue
-                with naming(topic.name):
+                with name_source(topic.name):
                     stamp = message.header.stamp
                     t_ns = stamp_ns(int(stamp.sec), int(stamp.nanosec))
                 self._stamps[topic.name][t_ns] = None
-                self._frames.setdefault(base_of(topic.name), message.header.frame_id)
+                self._frames.setdefault(camera_namespace(topic.name), message.header.frame_id)
                 path = self._folders[topic.name] / image_name(t_ns)
                 pending.append((topic.name, pool.submit(_write, topic, message, path)))
                 if len(pending) >= _AHEAD * jobs:
@@ -156,7 +156,7 @@ class RecordedImages:
         announced = {
             topic.name
             for topic in self._bag.topics
-            if (topic.type == CAMERA_INFO and base_of(topic.name) in bases)
+            if (topic.type == CAMERA_INFO and camera_namespace(topic.name) in bases)
             or (topic.name, topic.type) == (TF_STATIC_TOPIC, TF_MESSAGE)
         }
         return {*self._folders, *(announced if self._euroc else ())}
@@ -164,9 +164,9 @@ class RecordedImages:
     def _learn(self, topic: TopicInfo, message: Message) -> None:
         """Note a message that describes cameras: camera_info or a transform."""
         if topic.type != CAMERA_INFO:
-            self._transforms.update(fixed_transforms(message))
+            self._transforms.update(transforms_of_message(message))
             return
-        base, info = base_of(topic.name), camera_info(message)
+        base, info = camera_namespace(topic.name), camera_info(message)
         infos = self._infos.setdefault(base, [])
         if not infos or not info.is_equal(infos[-1][1]):
             infos.append((self._described[base], info))
@@ -205,10 +205,10 @@ class RecordedImages:
                     info = info._replace(height=height, width=width)
             else:
                 warn(f"{name}/sensor.yaml: without intrinsics: those of camera_info do not hold")
-        pose = to_root(self._transforms, self._frames.get(camera.base, ""))
+        pose = transform_to_root(self._transforms, self._frames.get(camera.base, ""))
         if info is not None and is_rectified(topic.name):
             if pose is not None:
-                pose = pose @ _turned_back(info.r)
+                pose = pose @ _unrectifying_rotation(info.r)
             info = info.rectified()
             warn(
                 f"{name}/sensor.yaml: {topic.name} is rectified: intrinsics of P, no distortion"
@@ -220,7 +220,7 @@ class RecordedImages:
         (self._folder / name / "sensor.yaml").write_text(text, encoding="utf-8")
 
 
-def _turned_back(rectification: Array) -> Array:
+def _unrectifying_rotation(rectification: Array) -> Array:
     """Return (4, 4) that maps points of the rectified camera into the camera.
 
     :param rectification: (3, 3) R of camera_info, from the camera into the rectified one.
@@ -237,8 +237,8 @@ def _write(topic: TopicInfo, message: Message, path: Path) -> Size:
     """
     if topic.type == COMPRESSED_IMAGE:
         data = message.data.tobytes()
-        with naming(topic.name):
-            size, data = image_size(data), as_png(data)
+        with name_source(topic.name):
+            size, data = image_size(data), png_bytes(data)
     else:
         image = pixels(topic.name, message)
         size = image.shape[0], image.shape[1]

@@ -29,7 +29,7 @@ from imu_sim_ros.bags.messages.encode_cameras import (
 from imu_sim_ros.bags.messages.schemas import LATCHED
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 from imu_sim_ros.bags.outputs import write_bytes
-from imu_sim_ros.bags.threads import cores
+from imu_sim_ros.bags.threads import core_count
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.core.bad_rows import Skipped
 from imu_sim_ros.core.conventions import (
@@ -40,17 +40,17 @@ from imu_sim_ros.core.conventions import (
     IMAGE_TOPIC,
     TF_STATIC_TOPIC,
 )
-from imu_sim_ros.core.errors import InputError, naming, system_error, warn
+from imu_sim_ros.core.errors import InputError, name_source, system_error, warn
 from imu_sim_ros.datasets.images import image_name, write_table
 from imu_sim_ros.datasets.recorded import (
     DEPTH_FOLDER,
     FolderCamera,
     OneSize,
     RecordedFrames,
-    as_png,
     compressed_image,
     folder_cameras,
     pixel_encoding,
+    png_bytes,
     read_image,
     sensor_yaml,
 )
@@ -96,7 +96,7 @@ class FolderImages:
             raise InputError([finding.sentence() for finding in findings])
         for finding in findings:
             warn(finding.sentence())
-        jobs = cores()
+        jobs = core_count()
         self._prefetched = _BATCH + _PREFETCHED * jobs
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
 
@@ -228,8 +228,8 @@ class FolderImages:
 def _copy_image(path: Path, target: Path) -> Size:
     """Copy an image as PNG; return its size."""
     data, size = read_image(path)
-    with naming(path):
-        data = as_png(data)
+    with name_source(path):
+        data = png_bytes(data)
     write_bytes(target, data)
     return size
 
@@ -246,7 +246,7 @@ class _Maker:
     def messages(self, t_ns: int, path: Path) -> tuple[Size, Messages]:
         """Return the size and the messages of an image."""
         data, size = read_image(path)
-        with naming(path):
+        with name_source(path):
             return size, {key: self._message(key, t_ns, data) for key in self._keys}
 
     def _message(self, key: str, t_ns: int, data: bytes) -> bytes:

@@ -127,7 +127,7 @@ class TrackFiles:
             tracks.append({**columns, "body": tracked.body} if self._moving else columns)
             if self.lines is not None:
                 lines.append(_line_columns(tracked, window[name].lines, number))
-        rows = _sorted_by_time(tracks)
+        rows = _sort_by_time(tracks)
         names = np.array([name.encode() for name in self._blindness])
         self.tracks.write(
             rows["t_ns"],
@@ -136,7 +136,7 @@ class TrackFiles:
         )
         self._arrays.write(rows)
         if self.lines is not None:
-            rows = _sorted_by_time(lines)
+            rows = _sort_by_time(lines)
             ends = (rows["ends"], rows["ends_true"])
             self.lines.write(rows["t_ns"], names[rows["camera"]], rows["id"], *ends)
         self._tables.mark_complete()
@@ -182,7 +182,7 @@ def _line_columns(tracks: Tracks, lines: TrackedLines, number: int) -> dict[str,
     }
 
 
-def _sorted_by_time(cameras: list[dict[str, Column]]) -> dict[str, Column]:
+def _sort_by_time(cameras: list[dict[str, Column]]) -> dict[str, Column]:
     """Return the rows of all cameras in order of true time; equal times in order of the cameras."""
     joined = {key: np.concatenate([rows[key] for rows in cameras]) for key in cameras[0]}
     order = np.argsort(joined["true_t_ns"], kind="stable")

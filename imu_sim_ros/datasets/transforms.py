@@ -13,7 +13,7 @@ Transforms = dict[str, tuple[str, Array]]
 """Parent frame and T_parent_child (4, 4), by child frame."""
 
 
-def fixed_transforms(message: Message) -> Transforms:
+def transforms_of_message(message: Message) -> Transforms:
     """Return the transforms of a message of /tf_static."""
     transforms: Transforms = {}
     for t in message.transforms:
@@ -24,12 +24,16 @@ def fixed_transforms(message: Message) -> Transforms:
     return transforms
 
 
-def to_root(transforms: Transforms, frame: str) -> Array | None:
+def transform_to_root(transforms: Transforms, frame: str) -> Array | None:
     """Return T (4, 4) from a frame to the root of its fixed frames; None: unknown."""
-    return list(ancestors(transforms, frame).values())[-1] if frame in transforms else None
+    return (
+        list(transforms_to_ancestors(transforms, frame).values())[-1]
+        if frame in transforms
+        else None
+    )
 
 
-def ancestors(transforms: Transforms, frame: str) -> dict[str, Array]:
+def transforms_to_ancestors(transforms: Transforms, frame: str) -> dict[str, Array]:
     """Return T (4, 4) from a frame to itself, its parent, the parent's parent, ..."""
     poses = {frame: np.eye(4)}
     while frame in transforms:

@@ -11,7 +11,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.bags.outputs import named
+from imu_sim_ros.bags.outputs import resolve_name
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import field_values
 from imu_sim_ros.inputs.rows import is_present
@@ -38,7 +38,7 @@ def configs(output: Path) -> Path:
     return output.parent / f"{output.name}_configs"
 
 
-def companions(
+def companion_files(
     output: Path, sensors: Mapping[str, Mounted[MountedParameters]]
 ) -> dict[str, list[Path]]:
     """Return the companion files of a body's sensors next to an output, by sensor."""
@@ -70,7 +70,7 @@ def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParamete
     :raises ConfigurationError: for a file that ``generate`` did not write.
     :raises InputError: for IMUs of different mounts without a topic that names one.
     """
-    bag = named(bag)
+    bag = resolve_name(bag)
     paths = [_truth(bag, "")]
     if not is_present(paths[0]):
         paths = sorted(bag.parent.glob(f"{glob.escape(_stem(bag))}_truth_*.yaml"))
@@ -92,7 +92,7 @@ def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParamete
     return load_simulation({n: values[n] for n in (*_WORLD, *MOUNT) if n in values})
 
 
-def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str]:
+def new_truth_files(output: Path, parameters: SimulationParameters) -> dict[Path, str]:
     """Return the files of the realised truth that are to be written, each with its text.
 
     An existing file with the same text is left out: the outputs share it.

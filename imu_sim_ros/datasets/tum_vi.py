@@ -22,7 +22,7 @@ from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.text.writer import EUROC_IMU_HEADER
-from imu_sim_ros.bags.writer import amount
+from imu_sim_ros.bags.writer import describe_amount
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.core.types import Array, Times
@@ -117,7 +117,7 @@ class TumVi:
 
     def summary(self) -> str:
         """Return the amount of data written, as text."""
-        readings = amount(self.rows["imu"], self._last_ns, "rows")
+        readings = describe_amount(self.rows["imu"], self._last_ns, "rows")
         return f"{readings}, {self._images.summary()}"
 
     def write(self, window: WindowSamples) -> None:
@@ -189,7 +189,7 @@ class TumVi:
             image_ns = stamps[(stamps >= start_ns) & (stamps <= t_ns[-1])]
             image_ns = image_ns[~np.isin(image_ns, t_ns)]
             known_values = np.concatenate([previous[1], values])
-            image_values = interpolated(image_ns, known_ns, known_values)
+            image_values = interpolate_rows(image_ns, known_ns, known_values)
             order = np.argsort(np.concatenate([t_ns, image_ns]), kind="stable")
             rows = [
                 np.concatenate([t_ns, image_ns])[order],
@@ -200,7 +200,7 @@ class TumVi:
         file.finish()
 
 
-def interpolated(t_ns: Times, known_ns: Times, values: Array) -> Array:
+def interpolate_rows(t_ns: Times, known_ns: Times, values: Array) -> Array:
     """Return values (m, k) at times (m,), interpolated between rows (n, k) at times (n,)."""
     start = known_ns[0]
     columns = [np.interp(t_ns - start, known_ns - start, column) for column in values.T]

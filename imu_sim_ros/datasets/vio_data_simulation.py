@@ -21,7 +21,7 @@ import numpy as np
 
 from imu_sim_ros.bags.outputs import make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
-from imu_sim_ros.bags.writer import amount
+from imu_sim_ros.bags.writer import describe_amount
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import system_error
 from imu_sim_ros.core.types import Array
@@ -140,7 +140,7 @@ class VioDataSimulation:
 
     def summary(self) -> str:
         """Return the amount of data written, as text."""
-        return amount(self._files["imu_pose"].rows, self._last_ns, "rows")
+        return describe_amount(self._files["imu_pose"].rows, self._last_ns, "rows")
 
     def write(self, window: WindowSamples) -> None:
         """Write the samples of a window, and its frames.

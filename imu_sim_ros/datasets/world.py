@@ -10,12 +10,17 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
-from imu_sim_ros.bags.read import decoded_blocks, decoded_messages, open_bag
+from imu_sim_ros.bags.read import decode_blocks, decode_messages, open_bag
 from imu_sim_ros.bags.text.reader import imu_file, is_text, state_file
 from imu_sim_ros.core.conventions import GRAVITY, TF_STATIC_TOPIC
 from imu_sim_ros.core.rotation import inverse_pose
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.datasets.transforms import Transforms, ancestors, fixed_transforms, to_root
+from imu_sim_ros.datasets.transforms import (
+    Transforms,
+    transform_to_root,
+    transforms_of_message,
+    transforms_to_ancestors,
+)
 from imu_sim_ros.datasets.truth_files import simulation_of
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.sensors.camera.calibration_files import description
@@ -127,10 +132,10 @@ def _bag_mount(
     body = frame_of(path, ODOMETRY, truth_topic, 1) if with_truth else ""
     if frame == body or (with_truth and not (frame and body)):
         return _RecordedMount()
-    transforms = fixed_in(path)
+    transforms = static_transforms(path)
     if not with_truth:
-        return _RecordedMount(to_root(transforms, frame))
-    pose = pose_between(transforms, frame, body)
+        return _RecordedMount(transform_to_root(transforms, frame))
+    pose = transform_between(transforms, frame, body)
     if pose is not None:
         return _RecordedMount(pose)
     return _RecordedMount(
@@ -141,19 +146,22 @@ def _bag_mount(
     )
 
 
-def fixed_in(path: Path) -> Transforms:
+def static_transforms(path: Path) -> Transforms:
     """Return the transforms of a bag's ``/tf_static``."""
     transforms: Transforms = {}
     with open_bag(path) as bag:
         names = {t.name for t in bag.topics if t.name == TF_STATIC_TOPIC and t.type == TF_MESSAGE}
-        for _, message in decoded_messages(bag, names):
-            transforms.update(fixed_transforms(message))
+        for _, message in decode_messages(bag, names):
+            transforms.update(transforms_of_message(message))
     return transforms
 
 
-def pose_between(transforms: Transforms, frame: str, body: str) -> Array | None:
+def transform_between(transforms: Transforms, frame: str, body: str) -> Array | None:
     """Return T (4, 4), which maps coordinates from one frame to another; None: unknown."""
-    from_frame, from_body = ancestors(transforms, frame), ancestors(transforms, body)
+    from_frame, from_body = (
+        transforms_to_ancestors(transforms, frame),
+        transforms_to_ancestors(transforms, body),
+    )
     for ancestor, pose in from_frame.items():
         if ancestor in from_body:
             return inverse_pose(from_body[ancestor]) @ pose
@@ -165,6 +173,6 @@ def frame_of(path: Path, kind: str, topic: str | None, index: int) -> str:
 
     :param index: index of the frame among the strings of the message.
     """
-    for fields in decoded_blocks(path, kind, topic, (), warned=bool):
+    for fields in decode_blocks(path, kind, topic, (), warned=bool):
         return str(fields.texts[index])
     return ""

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags.messages.decode import inside_order
+from imu_sim_ros.bags.messages.decode import quaternions_wxyz
 from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
@@ -24,14 +24,14 @@ from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.pose_topics import POSE_TYPES, pose_topic
 from imu_sim_ros.bags.read import (
     Bag,
-    decoded_blocks,
-    decoded_messages,
+    decode_blocks,
+    decode_messages,
     imu_blocks,
     odometry_blocks,
     open_bag,
 )
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import Readings, States, concatenated
+from imu_sim_ros.core.records import Readings, States, concatenate
 from imu_sim_ros.core.rotation import normalise
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.formats.handling import Handling
@@ -96,7 +96,7 @@ def states(path: Path, topic: str | None, covariance: bool, handling: Handling) 
     head = next(blocks, None)
     if head is None:
         raise InputError(f"{source}: 0 poses; a trajectory needs two or more")
-    columns = concatenated(chain([head], blocks))
+    columns = concatenate(chain([head], blocks))
     if handling.warned is not None:  # passed on as they are
         return columns
     return States(
@@ -126,9 +126,9 @@ def _blocks(
             yield block
         return
     names = _FIELDS[type_name]
-    for fields in decoded_blocks(path, type_name, name, names, recover, skipped, warned):
+    for fields in decode_blocks(path, type_name, name, names, recover, skipped, warned):
         position, orientation, *stated = fields.numbers.values()
-        q_wb = inside_order(orientation)
+        q_wb = quaternions_wxyz(orientation)
         yield States.unchecked(
             t_ns=fields.t_ns,
             position=position,
@@ -146,7 +146,7 @@ def _read_poses(bag: Bag, name: str, frames: tuple[str, str] | None, source: str
     :raises InputError: if there are none.
     """
     rows: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = []
-    for _, message in decoded_messages(bag, {name}):
+    for _, message in decode_messages(bag, {name}):
         if frames is None:
             rows = [
                 (_stamp(pose.header), _xyz(pose.pose.position), _wxyz(pose.pose.orientation))

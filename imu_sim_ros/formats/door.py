@@ -19,13 +19,13 @@ from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.core.bad_rows import Skipped, Warned, tell_skipped
 from imu_sim_ros.core.conventions import ACCEL_UNITS, GYRO_UNITS, TRIADS
 from imu_sim_ros.core.errors import InputError, Remark, warn
-from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
-from imu_sim_ros.core.spelling import argument, stated
+from imu_sim_ros.core.records import Readings, States, concatenate, replace_fields
+from imu_sim_ros.core.spelling import argument, argument_prefix
 from imu_sim_ros.formats import bag, text, vio_data_simulation
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.header import UNITS
-from imu_sim_ros.recordings.findings.pose_order import in_order
+from imu_sim_ros.recordings.findings.pose_order import sort_poses
 from imu_sim_ros.recordings.pairing import pair
 
 
@@ -125,7 +125,7 @@ def read_readings(
     blocks = iter(reading_blocks(path, choice, Handling(skipped)))
     head = next(blocks, None)
     if head is not None:
-        return concatenated(chain([head], blocks))
+        return concatenate(chain([head], blocks))
     if choice.frame is not None:
         raise InputError(f"{path}: contains no readings of the frame {choice.frame}")
     return Readings(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), source=str(path))
@@ -138,7 +138,7 @@ def _drop_stated_units(path: Path, choice: Choice, header_units: Mapping[str, st
     """
     gyro, accel = header_units.get(TRIADS[0]), header_units.get(TRIADS[1])
     problems = [
-        f"{path}: {stated(name, unit)}: the header says {header_unit}"
+        f"{path}: {argument_prefix(name, unit)}: the header says {header_unit}"
         for name, unit, header_unit, units, known_units in (
             ("gyro_unit", choice.gyro_unit, gyro, GYRO_UNITS, UNITS[TRIADS[0]]),
             ("accel_unit", choice.accel_unit, accel, ACCEL_UNITS, UNITS[TRIADS[1]]),
@@ -162,7 +162,7 @@ def _convert_to_si(readings: Readings, choice: Choice, notes: tuple[str, ...]) -
         values if values is None or factor == 1.0 else values * factor
         for values, factor in zip((readings.gyro, readings.accel), choice.factors, strict=True)
     )
-    return with_fields(readings, gyro=gyro, accel=accel, notes=(*readings.notes, *notes))
+    return replace_fields(readings, gyro=gyro, accel=accel, notes=(*readings.notes, *notes))
 
 
 def _merge_triads(path: Path, choice: Choice, handling: Handling) -> Readings:
@@ -181,7 +181,7 @@ def _merge_triads(path: Path, choice: Choice, handling: Handling) -> Readings:
         if not blocks:
             frame = "" if choice.frame is None else f" of the frame {choice.frame}"
             raise InputError(f"{path}: {topic} contains no readings{frame}")
-        parts.append(concatenated(blocks))
+        parts.append(concatenate(blocks))
     gyroscope, accelerometer = parts
     if gyroscope.gyro is None or accelerometer.accel is None:
         raise InputError(
@@ -233,23 +233,23 @@ def read_states(
     :param warned: receives what is wrong with messages, which are passed on as they are.
     :param recover: read a damaged bag as far as possible.
     :param minimum: smallest number of poses.
-    :param ordered: put the poses into the order of time, see :func:`in_order`.
+    :param ordered: put the poses into the order of time, see :func:`sort_poses`.
     :raises InputError: for what cannot be read, a clock that goes back, too few poses.
     """
     path = Path(path)
     counts: list[int] = []
     handling = Handling(counts.append if skip_bad_rows else None, warned, recover)
     states = format_of(path).states(path, topic, covariance, handling)
-    states = with_fields(states, skipped=sum(counts))
+    states = replace_fields(states, skipped=sum(counts))
     if ordered and warned is None:
-        states = in_order(states, skip_bad_rows)
+        states = sort_poses(states, skip_bad_rows)
     if len(states) < minimum:
         name = str(path) if topic is None else f"{path}, {topic}"
         raise InputError(f"{name}: {len(states)} poses; a trajectory needs two or more")
     if warned is not None:
         return states
     # All zeros: unknown (REP-145).
-    return with_fields(
+    return replace_fields(
         states,
         covariance=states.covariance if np.any(states.covariance) else None,
         twist_covariance=states.twist_covariance if np.any(states.twist_covariance) else None,

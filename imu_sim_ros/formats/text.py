@@ -8,7 +8,7 @@ from pathlib import Path
 
 from imu_sim_ros.bags.text import reader
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import Readings, States, concatenated
+from imu_sim_ros.core.records import Readings, States, concatenate
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.poses import read_poses
 
@@ -53,14 +53,14 @@ def pose_topics(path: Path) -> list[str]:
 
 def stated_units(path: Path, topic: str | None) -> dict[str, str]:
     """Return the units of the triads that the header of a table states, by triad."""
-    return reader.stated_units(path, topic)
+    return reader.units_of_header(path, topic)
 
 
 def states(path: Path, topic: str | None, covariance: bool, handling: Handling) -> States:
     """Return the poses of a text file, or the states of a folder; arguments as for the door."""
     skipped = handling.skipped
     if path.is_dir() and reader.has_states(path):
-        return concatenated([block for block, _ in reader.state_blocks(path, topic, skipped)])
+        return concatenate([block for block, _ in reader.state_blocks(path, topic, skipped)])
     file = reader.pose_file(path) or reader.state_file(path)
     poses = read_poses(file, topic, skipped is not None, covariance)
     if skipped is not None and poses.skipped:

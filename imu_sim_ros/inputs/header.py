@@ -262,10 +262,10 @@ def column_of(name: str) -> ColumnName | None:
             STAMP, "", unit or tokens[0].removeprefix("t") * (tokens[0] in ("tns", "tus"))
         )
     tokens = _with_axis_of_turn(tokens)
-    tokens, suffix = _without_unit(tokens)
+    tokens, suffix = _strip_unit(tokens)
     unit = unit or suffix
     if not axis:
-        tokens, axis = _without_axis(tokens)
+        tokens, axis = _strip_axis(tokens)
     quantity = _quantity(tokens)
     if quantity in (None, TEMPERATURE) or not axis:
         return None
@@ -317,7 +317,7 @@ def _with_axis_of_turn(tokens: list[str]) -> list[str]:
     return tokens
 
 
-def _without_unit(tokens: list[str]) -> tuple[list[str], str]:
+def _strip_unit(tokens: list[str]) -> tuple[list[str], str]:
     """Return words of a name without those of its unit, and the unit: ``gyro x deg s``."""
     for parts, unit in (
         (("m", "s", "2"), "m/s^2"),
@@ -337,7 +337,7 @@ def _without_unit(tokens: list[str]) -> tuple[list[str], str]:
     return tokens, ""
 
 
-def _without_axis(tokens: list[str]) -> tuple[list[str], str]:
+def _strip_axis(tokens: list[str]) -> tuple[list[str], str]:
     """Return the words of a name without its axis, and the axis: ``omega z``, ``gz``, ``q w``."""
     for k in (*range(len(tokens) - 1, 0, -1), 0):
         if tokens[k] in AXES or (tokens[k] == "w" and k > 0 and k == len(tokens) - 1):
@@ -394,7 +394,7 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     :raises ValueError: with a line for a header that is unknown or contradicts itself.
     """
     in_flight = {name.lower() for name in names} >= set(_RATES_OF_FLIGHT)
-    columns, notes = _one_temperature(
+    columns, notes = _keep_one_temperature(
         names,
         [
             column_of(_RATES_OF_FLIGHT.get(name.lower(), name) if in_flight else name)
@@ -404,7 +404,7 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     problems = list(_problems(names, columns, place))
     if problems:
         raise ValueError("; ".join(problems))
-    bare = _meaning_of_bare(columns, place)
+    bare = _quantity_of_bare_axes(columns, place)
     places: dict[str, dict[str, int]] = {}
     units: dict[str, set[str]] = {}
     stamps: list[int] = []
@@ -447,7 +447,7 @@ def _is_stamp(column: ColumnName | None) -> bool:
     return column is not None and column.quantity == STAMP
 
 
-def _one_temperature(
+def _keep_one_temperature(
     names: Sequence[str], columns: Sequence[ColumnName | None]
 ) -> tuple[list[ColumnName | None], tuple[str, ...]]:
     """Return columns with at most one of temperatures, and lines about those that are not read.
@@ -513,7 +513,7 @@ _STATE_OF_OPENVINS: Final = ("q", "p", "v", "bg", "ba")
 """Names of the columns of an OpenVINS state, each for all of its axes; others follow."""
 
 
-def expanded(names: Sequence[str], count: int) -> list[str]:
+def expand_names(names: Sequence[str], count: int) -> list[str]:
     """Return the names of a header, one for each column of a row.
 
     OpenVINS' state files name ``q p v bg ba`` once for all axes, the quaternion in the order
@@ -534,7 +534,7 @@ def is_known(names: Sequence[str]) -> bool:
     return any(column is not None and column.quantity != _BARE for column in columns)
 
 
-def _meaning_of_bare(columns: Sequence[ColumnName | None], place: str) -> str | None:
+def _quantity_of_bare_axes(columns: Sequence[ColumnName | None], place: str) -> str | None:
     """Return the quantity of columns x, y, z; None: unknown."""
     kinds = {column.quantity for column in columns if column is not None}
     if ORIENTATION in kinds:
@@ -572,7 +572,7 @@ def _problems(
             fitting = ", ".join(unit for unit in usual if unit in allowed)
             yield f"{name}: the unit {column.unit} is not one of {fitting or 'none'}"
     quantities = {column.quantity for column in kinds} - {STAMP}
-    if _BARE in quantities and _meaning_of_bare(columns, place) is None:
+    if _BARE in quantities and _quantity_of_bare_axes(columns, place) is None:
         yield (
             f"the header {_names_text(names)} does not say whose x, y, z they are; name them "
             "gyro_x, accel_x, or the file gyroscope or accelerometer"

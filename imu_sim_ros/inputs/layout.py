@@ -31,7 +31,7 @@ from imu_sim_ros.inputs.header import (
     TIME_NAMES,
     ZEROS,
     TableHeader,
-    expanded,
+    expand_names,
     header_of,
     is_complete,
     is_known,
@@ -39,7 +39,7 @@ from imu_sim_ros.inputs.header import (
     is_unknown,
     split_names,
 )
-from imu_sim_ros.inputs.rows import Row, number_of, shortened
+from imu_sim_ros.inputs.rows import Row, number_of, shorten_word
 
 STAMP_BYTES: Final = 48
 """Length of the longest stamp of text."""
@@ -99,7 +99,7 @@ class RowFormat(NamedTuple):
     def plain(self, text: bytes) -> bytes:
         """Return a row without quotes, trailing separator and decimal commas."""
         if b'"' in text:
-            text = (_between_quotes(text) if self.separator == ";" else None) or text
+            text = (_unquote_row(text) if self.separator == ";" else None) or text
             text = text.replace(b'"', b"")
         if self.trailing:
             text = text.rstrip().removesuffix(self.separator.encode())
@@ -111,7 +111,7 @@ class RowFormat(NamedTuple):
         return text.split() if self.separator == " " else text.split(self.separator.encode())
 
 
-def _between_quotes(text: bytes) -> bytes | None:
+def _unquote_row(text: bytes) -> bytes | None:
     """Return a row whose cells are all in quotes with semicolons between them; else None."""
     text = text.strip().removesuffix(b",")
     inner = text[1:-1].split(b'","')
@@ -267,18 +267,18 @@ class TableLayout:
             return
         stamp = fields[self.stamp]
         try:
-            nanosecond(stamp, self.digits, self.whole)
+            parse_nanoseconds(stamp, self.digits, self.whole)
         except (ValueError, OverflowError):
             unit = "whole nanoseconds" if self.whole else _LONG_NAMES[self.digits]
-            bad.note(NUMBERS, number, f"{shortened(stamp)} is not a stamp in {unit}")
+            bad.note(NUMBERS, number, f"{shorten_word(stamp)} is not a stamp in {unit}")
         if self.nanosecond is not None:
             part = fields[self.nanosecond]
             try:
-                good = 0 <= nanosecond(part, 0, whole=False) < NANOSECONDS_PER_SECOND
+                good = 0 <= parse_nanoseconds(part, 0, whole=False) < NANOSECONDS_PER_SECOND
             except (ValueError, OverflowError):
                 good = False
             if not good:
-                problem = f"{shortened(part)} is not nanoseconds from 0 to 999999999"
+                problem = f"{shorten_word(part)} is not nanoseconds from 0 to 999999999"
                 bad.note(NUMBERS, number, problem)
         for name, columns in self.quantities(names).items():
             convert = _number_or_nan if name == TEMPERATURE else number_of
@@ -286,7 +286,7 @@ class TableLayout:
                 try:
                     convert(fields[k])
                 except ValueError:
-                    bad.note(NUMBERS, number, f"{shortened(fields[k])} is not a number")
+                    bad.note(NUMBERS, number, f"{shorten_word(fields[k])} is not a number")
 
 
 def _numbers_or_nan(texts: NDArray[np.bytes_]) -> Array:
@@ -331,7 +331,7 @@ def layout_of(
     names: list[str] | None
     if rows and (_is_header(rows) or (not required and not _is_numeric(rows[0][1]))):
         names = split_names(_text_of(rows.pop(0)[1]))
-        names = _with_units_below(names, rows)
+        names = _join_units_below(names, rows)
     else:
         names = _names_in_comments(path, comments, rows, forms)
     sample = rows[:_SAMPLE]
@@ -357,7 +357,7 @@ def _is_header(rows: Sequence[Row]) -> bool:
     return is_known(names) or (_is_numeric(second_row) and len(names) == len(_cells(second_row)))
 
 
-def _with_units_below(names: list[str], rows: list[Row]) -> list[str]:
+def _join_units_below(names: list[str], rows: list[Row]) -> list[str]:
     """Return names with the units in the row below them, which is removed; else the names."""
     if not rows or _is_numeric(rows[0][1]):
         return names
@@ -380,7 +380,7 @@ def _names_in_comments(
             if is_known(names):
                 return names
             continue
-        names = expanded(names, count)
+        names = expand_names(names, count)
         if not is_known(names):
             continue
         if len(names) == count:
@@ -458,12 +458,12 @@ def _header_layout(
         part,
         header.notes,
     )
-    for note in (*layout.notes, *_unused_columns(names, header, required)):
+    for note in (*layout.notes, *_unused_column_lines(names, header, required)):
         warn(f"{path}: {note}", Remark)
     return layout
 
 
-def _unused_columns(
+def _unused_column_lines(
     names: Sequence[str], header: TableHeader, required: Sequence[str]
 ) -> Iterator[str]:
     """Yield a line about columns of unknown names in a table that lacks a triad."""
@@ -527,7 +527,7 @@ def _are_parts(sample: Sequence[Row], row_format: RowFormat, column: int) -> boo
 def _row_format(sample: Sequence[Row]) -> RowFormat:
     """Return the format of rows, by the first ones."""
     text = sample[0][1].rstrip() if sample else b","
-    quoted = _between_quotes(text) if b'"' in text else None
+    quoted = _unquote_row(text) if b'"' in text else None
     if quoted is not None and b"," in quoted:
         return RowFormat(";", True, False)
     if b";" in text:
@@ -602,7 +602,8 @@ def _digits(
     texts = _stamp_texts(sample, row_format, stamp)
     if texts and _DATE.match(texts[0]):
         raise InputError(
-            f"{path}: the stamps are dates: {shortened(texts[0])}; write them as seconds since 1970"
+            f"{path}: the stamps are dates: {shorten_word(texts[0])}; write them as seconds since "
+            "1970"
         )
     times = _stamps(sample, row_format, stamp)
     if len(times) < _LEAST_ROWS:
@@ -618,7 +619,7 @@ def _digits(
         )
     if digits != usual:
         warn(
-            f"{path}: the stamps are taken as {TIME_NAMES[digits]}: {shortened(texts[0])}",
+            f"{path}: the stamps are taken as {TIME_NAMES[digits]}: {shorten_word(texts[0])}",
             Remark,
         )
     elif usual == _SECONDS and not points and step and step.is_integer() and size < _EPOCH[0]:
@@ -668,17 +669,17 @@ def nanoseconds(stamps: NDArray[np.bytes_], digits: int) -> Integers:
     plain = (digit | point | (letters == 0)).all(axis=1) & (points <= 1)
     plain &= (count > decimals) & (decimals <= digits) & (count - decimals <= _MOST_DIGITS - digits)
     plain &= (count < _MOST_DIGITS) | ((count == _MOST_DIGITS) & (letters[:, 0] < _NINE))
-    numbers = _joined_digits(letters, digit)
+    numbers = _combine_digits(letters, digit)
     units = numbers // 10**decimals
     if np.any(plain & (units > _LAST_SECOND * 10 ** (_SECONDS - digits))):
         raise OverflowError(f"a stamp above {_LAST_SECOND} s")
     numbers *= 10 ** (digits - np.minimum(decimals, digits))
     for k in np.flatnonzero(~plain):
-        numbers[k] = nanosecond(stamps[k].decode("latin-1"), digits, whole=False)
+        numbers[k] = parse_nanoseconds(stamps[k].decode("latin-1"), digits, whole=False)
     return numbers
 
 
-def nanosecond(stamp: str, digits: int, whole: bool) -> int:
+def parse_nanoseconds(stamp: str, digits: int, whole: bool) -> int:
     """Return a stamp in nanoseconds; it may have an exponent, or many digits.
 
     :param digits: as for :func:`nanoseconds`.
@@ -702,7 +703,7 @@ def nanosecond(stamp: str, digits: int, whole: bool) -> int:
     return t_ns
 
 
-def _joined_digits(letters: Bytes, digit: Mask) -> Integers:
+def _combine_digits(letters: Bytes, digit: Mask) -> Integers:
     """Return the digits of each row (n, letters) as one number (n,); too many wrap around."""
     numbers = np.zeros(len(letters), dtype=np.int64)
     for column in range(letters.shape[1]):

@@ -13,13 +13,13 @@ import numpy as np
 from imu_sim_ros.core import gate, rotation
 from imu_sim_ros.core.bad_rows import NUMBERS
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import States, concatenated, with_fields
+from imu_sim_ros.core.records import States, concatenate, replace_fields
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs import header
 from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
 from imu_sim_ros.inputs.row_reader import NumberRows, RowReader
-from imu_sim_ros.inputs.rows import Row, number_of, shortened
+from imu_sim_ros.inputs.rows import Row, number_of, shorten_word
 
 
 def _alternatives(counts: tuple[int, ...]) -> str:
@@ -105,8 +105,8 @@ class _Reading(RowReader):
         if count < 2:
             what = "one pose" if count else "no usable pose"
             raise InputError(f"{self.path}: contains {what}; a trajectory needs two or more")
-        return with_fields(
-            concatenated(blocks),
+        return replace_fields(
+            concatenate(blocks),
             source=str(self.path),
             skipped=self.bad.rows,
         )
@@ -142,7 +142,7 @@ class _Reading(RowReader):
             for cell in cells[-_TRIANGLES:]:
                 field = cell.strip().decode("utf-8", "replace")
                 if not _is_finite(field):
-                    reason = f"{shortened(field)} is not a finite number of a covariance"
+                    reason = f"{shorten_word(field)} is not a finite number of a covariance"
                     self.bad.note(NUMBERS, line, reason)
 
     def _good(self, rows: NumberRows) -> States:
@@ -189,7 +189,7 @@ class _Reading(RowReader):
         q_wb, covariance = rotation.normalise(valid.q_wb), valid.covariance
         if covariance is not None:
             covariance = _about_world(covariance, q_wb)
-        return with_fields(valid, q_wb=q_wb, covariance=covariance)
+        return replace_fields(valid, q_wb=q_wb, covariance=covariance)
 
 
 def _is_finite(field: str) -> bool:

@@ -254,6 +254,6 @@ def number_of(word: str) -> float:
     return float(word)
 
 
-def shortened(word: str) -> str:
+def shorten_word(word: str) -> str:
     """Return a word of a file, shortened for messages."""
     return repr(word if len(word) <= _LONGEST_WORD else word[: _LONGEST_WORD - 8] + "...")

@@ -72,12 +72,12 @@ _shared: Final[ContextVar[SharedFiles | None]] = ContextVar("files", default=Non
 
 
 def shared_files() -> SharedFiles | None:
-    """Return the files that the running program shares; None outside of :func:`opened_once`."""
+    """Return the files that the running program shares; None outside of :func:`open_files_once`."""
     return _shared.get()
 
 
 @contextmanager
-def opened_once() -> Iterator[None]:
+def open_files_once() -> Iterator[None]:
     """Open each file only once until the end; threads that begin within have their own files."""
     files = SharedFiles()
     token = _shared.set(files)

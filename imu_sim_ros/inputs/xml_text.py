@@ -52,7 +52,7 @@ class Element:
             waiting += reversed(element.children)
 
 
-def parsed(path: str | Path, longest_text: int = _LONGEST_TEXT) -> Element:
+def parse_xml(path: str | Path, longest_text: int = _LONGEST_TEXT) -> Element:
     """Return the root of a file of bounded size, depth and number of elements.
 
     :param longest_text: characters of an element from which on its text is cut.

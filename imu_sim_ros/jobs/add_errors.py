@@ -28,12 +28,12 @@ from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, wa
 from imu_sim_ros.core.records import LiveReading, Readings
 from imu_sim_ros.core.types import Array, Integers, Keywords, Mask, Times
 from imu_sim_ros.jobs.flight import Flight, Source
-from imu_sim_ros.jobs.readings import ReadingsT, delivered_of
+from imu_sim_ros.jobs.readings import ReadingsT, delivered_samples
 from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters, sensor_name
 from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
-from imu_sim_ros.recordings.clock import Clock, estimate_clock, unchanged_rows
+from imu_sim_ros.recordings.clock import Clock, estimate_clock, repeated_value_rows
 from imu_sim_ros.recordings.findings.catalogue import equality_findings
 from imu_sim_ros.recordings.order import RESET_READINGS, order_stamps
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
@@ -127,15 +127,15 @@ def add_errors(
     >>> bool((flight.accel == same.accel).all())
     True
     """
-    ideal_readings = _checked_readings(t_ns, gyro, accel, orientation, "add_errors")
+    ideal_readings = _check_readings(t_ns, gyro, accel, orientation, "add_errors")
     if not len(ideal_readings.t_ns):
         raise InputError("add_errors: no readings")
     strays = tell_strays(ideal_readings.t_ns, True, "add_errors", warn)
     if strays.any():
         ideal_readings = ideal_readings.rows(~strays)
-    layers = layers_of(imu, seed, params_file, input, parameters, rate)
-    unchanged = unchanged_rows(ideal_readings.gyro, ideal_readings.accel)
-    built = with_rate(layers, lambda: rate_of(ideal_readings.t_ns, unchanged))
+    layers = parameter_layers(imu, seed, params_file, input, parameters, rate)
+    unchanged = repeated_value_rows(ideal_readings.gyro, ideal_readings.accel)
+    built = add_rate(layers, lambda: rounded_rate(ideal_readings.t_ns, unchanged))
     model = GivenImu(built, OTHERS, warn)
     windows: list[dict[str, Samples]] = []
     for begin in range(0, len(ideal_readings.t_ns), ROWS_AT_ONCE):
@@ -164,7 +164,7 @@ def _add_other(
     quantity = sensor.declared.quantity
     if not isinstance(pair, tuple | list) or len(pair) != 2:
         refuse(quantity, pair, "a pair of stamps and values", wrong_type=True)
-    ideal_values = _given_values(quantity, *pair)
+    ideal_values = _check_ideal_values(quantity, *pair)
     if not len(ideal_values.t_ns):
         raise InputError(f"{quantity}: no readings")
     block = join_samples(sensor.read(ideal_values))
@@ -250,7 +250,7 @@ class ErrorModel:
         if spread is not None:
             parameters["spread"] = spread  # refused: a single sensor has no such parameter
         self = super().__new__(cls)
-        layers = layers_of(imu, seed, params_file, input, parameters, rate)
+        layers = parameter_layers(imu, seed, params_file, input, parameters, rate)
         self._model = GivenImu(load_error_model(layers), OTHERS, warn)
         return self
 
@@ -285,12 +285,12 @@ class ErrorModel:
         :raises InputError: for readings that are not finite or not possible; all are discarded.
         """
         if type(t_ns) is int and orientation is None:
-            rate, force = arguments.numbers(gyro), arguments.numbers(accel)
+            rate, force = arguments.float_triple(gyro), arguments.float_triple(accel)
             if rate and force and gate.is_reading(t_ns, rate, force):
                 samples = self._model.read_few([LiveReading(t_ns, rate, force)])
                 if samples is not None:
                     return samples
-        ideal_readings = _checked_readings(t_ns, gyro, accel, orientation, "read")
+        ideal_readings = _check_readings(t_ns, gyro, accel, orientation, "read")
         blocks = [window[IMU] for window in self._model.read(ideal_readings)]
         return join_samples(blocks) if blocks else _no_samples(self._model.position)
 
@@ -309,7 +309,7 @@ class ErrorModel:
         >>> model.read_magnetic_field(0, [0.0, 2e-5, -4e-5]).field.shape
         (1, 3)
         """
-        ideal_values = _given_values("magnetic_field", t_ns, field)
+        ideal_values = _check_ideal_values("magnetic_field", t_ns, field)
         return _deliver(self._model.other("magnetic_field"), ideal_values, MagneticReadings)
 
     def read_pressure(
@@ -336,7 +336,7 @@ class ErrorModel:
         100129
         """
         values = _pressures(self.parameters, pressure, altitude)
-        ideal_values = _given_values("pressure", t_ns, values)
+        ideal_values = _check_ideal_values("pressure", t_ns, values)
         return _deliver(self._model.other("pressure"), ideal_values, PressureReadings)
 
     def update(self, **parameters: object) -> None:
@@ -347,7 +347,7 @@ class ErrorModel:
         :raises ConfigurationError: for parameters that cannot change and for bad values; nothing
             changes then.
         """
-        changed = {**flatten(self.parameters), **files.dotted(parameters, "parameters")}
+        changed = {**flatten(self.parameters), **files.dotted_values(parameters, "parameters")}
         self._model.update(build(type(self.parameters), changed))
 
     def inject(
@@ -369,9 +369,9 @@ class ErrorModel:
         :param delay: time from the next sample to the fault [s].
         :raises ConfigurationError: with a line for each problem.
         """
-        arguments.one_of("kind", kind, KINDS)
+        arguments.choice("kind", kind, KINDS)
         if not isinstance(triad, str) or triad:
-            arguments.one_of(
+            arguments.choice(
                 "triad", triad, (*TRIADS, *(sensor.name for sensor in OTHERS.values()))
             )
         if not (isinstance(duration, float) and duration == math.inf):
@@ -436,12 +436,12 @@ class ErrorModelBatch:
         :raises ConfigurationError: with a line for each problem.
         """
         allowed = f"a whole number from 1 to {MOST_ENVIRONMENTS}"
-        self.count = arguments.whole("count", count, allowed, 1, MOST_ENVIRONMENTS)
+        self.count = arguments.integer("count", count, allowed, 1, MOST_ENVIRONMENTS)
         imus = list(imu) if isinstance(imu, list | tuple) else [imu]
         if not imus:
             refuse("imu", imu, "at least one sensor")
         built = [
-            load_error_model(layers_of(sensor, seed, params_file, input, parameters, rate))
+            load_error_model(parameter_layers(sensor, seed, params_file, input, parameters, rate))
             for sensor in imus
         ]
         self._built = built
@@ -481,7 +481,7 @@ class ErrorModelBatch:
 
         :param k: environment.
         """
-        arguments.whole("k", k, f"an environment from 0 to {self.count - 1}", 0, self.count - 1)
+        arguments.integer("k", k, f"an environment from 0 to {self.count - 1}", 0, self.count - 1)
         units = self._batch.units
         if units.seeds[k] != units.unit_seeds[k]:
             refuse("k", k, "an environment that did not begin again as the same unit")
@@ -577,7 +577,7 @@ class ErrorModelBatch:
         :param altitude: in its place, (count,) heights above sea level [m].
         :raises ConfigurationError: for an array of another shape, and rates that differ.
         """
-        t_ns, (name, quantity) = _time(t_ns), _one_of(pressure=pressure, altitude=altitude)
+        t_ns, (name, quantity) = _time(t_ns), _single_argument(pressure=pressure, altitude=altitude)
         values = arguments.array(name, quantity, (self.count,), finite=False).copy()
         invalid = _impossible(
             values[:, None], gate.POSITION if name == "altitude" else gate.PRESSURE
@@ -623,7 +623,7 @@ class ErrorModelBatch:
             the same run again.
         :raises ConfigurationError: for another mask or restart.
         """
-        arguments.one_of("restart", restart, RESTARTS)
+        arguments.choice("restart", restart, RESTARTS)
         try:
             chosen = np.ones(self.count, np.bool_) if mask is None else np.asarray(mask)
         except ValueError:  # lists of several lengths
@@ -646,7 +646,7 @@ def _time(t_ns: object) -> int:
     :raises ConfigurationError: for anything but a whole number.
     """
     limit = np.iinfo(np.int64).max
-    return arguments.whole("t_ns", t_ns, "whole nanoseconds, one number for all", -limit, limit)
+    return arguments.integer("t_ns", t_ns, "whole nanoseconds, one number for all", -limit, limit)
 
 
 def _impossible(values: Array, quantity: gate.Quantity) -> Mask:
@@ -727,7 +727,7 @@ def _no_samples(position: int) -> Samples:
     return Samples(times, times, times, times, values, position)
 
 
-def _checked_readings(
+def _check_readings(
     t_ns: object, gyro: ArrayLike, accel: ArrayLike, orientation: ArrayLike | None, name: str
 ) -> Readings:
     """Return the user's readings as checked arrays.
@@ -757,7 +757,7 @@ def _checked_readings(
     return Readings.unchecked(t_ns=times, gyro=rates, accel=forces, q_wb=q_wb)
 
 
-def _given_values(name: str, t_ns: object, values: ArrayLike) -> IdealValues:
+def _check_ideal_values(name: str, t_ns: object, values: ArrayLike) -> IdealValues:
     """Return the user's ideal values of another sensor as checked arrays.
 
     :param name: name of the quantity, for messages.
@@ -790,14 +790,14 @@ def _pressures(
 
     :raises ConfigurationError: for both, or neither.
     """
-    name, values = _one_of(pressure=pressure, altitude=altitude)
+    name, values = _single_argument(pressure=pressure, altitude=altitude)
     if name == "pressure":
         return values
     heights = arguments.array("altitude", _several(values), (None,))
     return Atmosphere(parameters.atmosphere).pressure(heights)
 
 
-def _one_of(**values: ArrayLike | None) -> tuple[str, ArrayLike]:
+def _single_argument(**values: ArrayLike | None) -> tuple[str, ArrayLike]:
     """Return the one of two arguments that is given.
 
     :raises ConfigurationError: if both are, or neither.
@@ -813,13 +813,13 @@ def _deliver(sensor: GivenOther, ideal_values: IdealValues, readings: type[Readi
     quantity = sensor.declared.quantity
     windows = [{quantity: block} for block in sensor.read(ideal_values)]
     if windows:
-        return delivered_of(windows, quantity, readings)
+        return delivered_samples(windows, quantity, readings)
     none = ideal_values.rows(slice(0))
     values: Keywords = {field.name: none.values for field in dataclasses.fields(readings)}
     return readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
 
 
-def layers_of(
+def parameter_layers(
     imu: object,
     seed: int | None,
     params_file: str | Path | Sequence[str | Path] | None,
@@ -832,9 +832,9 @@ def layers_of(
     :raises ConfigurationError: with a line for each argument that is not what it must be.
     """
     of_files, of_sensor, problems = dict[str, object](), dict[str, object](), Problems()
-    with problems.gathered(hanging=""):
+    with problems.collect(hanging=""):
         of_files = load_all(parameter_files(params_file), NODE)
-    with problems.gathered():
+    with problems.collect():
         of_sensor = imu_parameters(imu)
     of_sensor.pop("rate", None)  # readings have one of their own
     keywords, overrides = keyword_parameters(parameters)
@@ -842,7 +842,7 @@ def layers_of(
     if input is not None:
         if not isinstance(input, Mapping):
             refuse("input", input, "parameters by name", wrong_type=True)
-        layers |= files.dotted(input, "input", "input.")
+        layers |= files.dotted_values(input, "input", "input.")
     if seed is not None:
         layers["seed"] = seed
     if rate is not None:
@@ -853,7 +853,7 @@ def layers_of(
     return layers
 
 
-def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorModelParameters:
+def add_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorModelParameters:
     """Return an error model with the rate of the readings, unless layers give one.
 
     :param rate: returns the rate of the readings [Hz].
@@ -914,7 +914,7 @@ def check_equality(t_ns: Times) -> None:
         raise ConfigurationError(problems)
 
 
-def rate_of(t_ns: Times, unchanged: Mask | None) -> float:
+def rounded_rate(t_ns: Times, unchanged: Mask | None) -> float:
     """Return the rate of the readings with these stamps, rounded to six digits [Hz].
 
     It is the rate of the clock behind them: losses, rounding, batches and messages that came twice

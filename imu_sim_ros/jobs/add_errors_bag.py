@@ -10,10 +10,15 @@ import numpy as np
 
 from imu_sim_ros.bags import convert
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order, joined
+from imu_sim_ros.bags.messages.decode import (
+    Decoded,
+    concatenate_blocks,
+    decode_block,
+    quaternions_wxyz,
+)
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.messages.layouts import FIRST
-from imu_sim_ros.bags.read import TriadPresence, mixed_frames, odometry_blocks
+from imu_sim_ros.bags.read import TriadPresence, mixed_frames_error, odometry_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import Block, Writer
@@ -27,13 +32,13 @@ from imu_sim_ros.core.conventions import (
     TRIADS,
     TWIST_FRAMES,
 )
-from imu_sim_ros.core.errors import ConfigurationError, InputError, naming
-from imu_sim_ros.core.records import Readings, absence, concatenated, with_fields
+from imu_sim_ros.core.errors import ConfigurationError, InputError, name_source
+from imu_sim_ros.core.records import Readings, absent_triad_line, concatenate, replace_fields
 from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.jobs.add_errors import rate_of, tell_strays
-from imu_sim_ros.recordings.clock import unchanged_rows
+from imu_sim_ros.jobs.add_errors import rounded_rate, tell_strays
+from imu_sim_ros.recordings.clock import repeated_value_rows
 from imu_sim_ros.recordings.findings.catalogue import twist_findings
 from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu
@@ -52,7 +57,7 @@ _COMPARED: Final = 20_000
 """Messages of odometry whose twist is compared with their poses."""
 
 
-def source_of(bag: Bag, name: str | None) -> TopicInfo:
+def source_topic(bag: Bag, name: str | None) -> TopicInfo:
     """Return the topic of ideal readings, or of odometry if it is named.
 
     :raises InputError: if there is none, or several.
@@ -71,10 +76,10 @@ def _first_messages(bag: Bag, source: TopicInfo) -> Decoded | None:
         decoded += [_decode(bag, block, fields) for block in group if len(block.t_ns)]
         if sum(len(messages.t_ns) for messages in decoded) > _FIRST:
             break
-    return joined(decoded) if decoded else None
+    return concatenate_blocks(decoded) if decoded else None
 
 
-def rate_in(bag: Bag, source: TopicInfo) -> float:
+def mean_rate(bag: Bag, source: TopicInfo) -> float:
     """Return the readings per second of a topic [Hz].
 
     :raises InputError: if there are fewer than two.
@@ -85,9 +90,11 @@ def rate_in(bag: Bag, source: TopicInfo) -> float:
         raise InputError(
             f"{bag.path}: {source.name}: fewer than two readings; {argument('rate')} is needed"
         )
-    with naming(f"{bag.path}: {source.name}", ConfigurationError):
-        unchanged = unchanged_rows(*messages.numbers.values())
-        return rate_of(messages.t_ns[:_FIRST], None if unchanged is None else unchanged[:_FIRST])
+    with name_source(f"{bag.path}: {source.name}", ConfigurationError):
+        unchanged = repeated_value_rows(*messages.numbers.values())
+        return rounded_rate(
+            messages.t_ns[:_FIRST], None if unchanged is None else unchanged[:_FIRST]
+        )
 
 
 def twist_warnings(bag: Bag, source: TopicInfo, twist_frame: str) -> Iterator[str]:
@@ -104,11 +111,11 @@ def twist_warnings(bag: Bag, source: TopicInfo, twist_frame: str) -> Iterator[st
         if count >= _COMPARED:
             break
     if blocks:
-        compared = with_fields(concatenated(blocks), source=f"{bag.path}, {source.name}")
+        compared = replace_fields(concatenate(blocks), source=f"{bag.path}, {source.name}")
         halves = compared.velocities(), compared.body_rates()
         if twist_frame == TWIST_FRAMES[1]:  # the blocks are those of a twist in the body's axes
             turned = (rotate_inverse(compared.q_wb, half) for half in halves)
-            compared = with_fields(
+            compared = replace_fields(
                 compared, **dict(zip(("velocity", "angular_velocity"), turned, strict=True))
             )
         for finding in twist_findings(compared):
@@ -246,7 +253,7 @@ class BagErrors:
             self._check_triads(block)
             self._frame = decoded.frame_ids[0] if self._frame is None else self._frame
             if decoded.frame_ids != (self._frame,):
-                raise mixed_frames(self._bag.path, self._source.name)
+                raise mixed_frames_error(self._bag.path, self._source.name)
         blocks = []
         # What was recorded late is so by as much next to it; nothing is before 1970.
         late_ns = int(np.median(block.t_ns - decoded.t_ns))
@@ -273,7 +280,7 @@ class BagErrors:
         ]
         if absent:
             name = f"{self._bag.path}: {self._source.name}"
-            raise InputError(absence(name, triad) for triad in absent)
+            raise InputError(absent_triad_line(name, triad) for triad in absent)
 
     def _pass_gate(self, decoded: Decoded) -> Iterator[Readings]:
         """Yield the readings of messages that the gate lets pass."""
@@ -305,7 +312,7 @@ class BagErrors:
             return
         t_ns = decoded.t_ns
         if self._odometry is not None:
-            q_wb = inside_order(numbers["orientation"])
+            q_wb = quaternions_wxyz(numbers["orientation"])
             readings = self._odometry.apply(t_ns, q_wb, numbers["linear"], numbers["angular"])
             if len(readings.t_ns):
                 yield readings
@@ -322,7 +329,7 @@ def _orientation(numbers: Mapping[str, Array]) -> Array | None:
     """Return q_wb (n, 4) of messages; None if one of them states none."""
     stated = np.linalg.norm(numbers["orientation"], axis=1)
     valid = (numbers["orientation_covariance"][:, 0] >= 0.0) & (np.abs(stated - 1.0) < 1e-3)
-    return inside_order(numbers["orientation"]) / stated[:, None] if valid.all() else None
+    return quaternions_wxyz(numbers["orientation"]) / stated[:, None] if valid.all() else None
 
 
 def _decode(bag: Bag, block: MessageBlock, fields: Sequence[str]) -> Decoded:

@@ -24,21 +24,27 @@ from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, topics_summary
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.conventions import IMU_TOPIC, TWIST_FRAMES
-from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, naming
-from imu_sim_ros.core.names import unknown
-from imu_sim_ros.core.records import Readings, with_fields
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, name_source
+from imu_sim_ros.core.names import unknown_name_line
+from imu_sim_ros.core.records import Readings, replace_fields
 from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import has_topics, reading_blocks
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.jobs import convert
-from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, tell_strays, with_rate
+from imu_sim_ros.jobs.add_errors import (
+    ROWS_AT_ONCE,
+    add_rate,
+    parameter_layers,
+    rounded_rate,
+    tell_strays,
+)
 from imu_sim_ros.jobs.add_errors_bag import (
     USUAL,
     BagErrors,
+    mean_rate,
     names_in,
-    rate_in,
-    source_of,
+    source_topic,
     twist_warnings,
 )
 from imu_sim_ros.jobs.selection import (
@@ -47,7 +53,7 @@ from imu_sim_ros.jobs.selection import (
     Frame,
     GyroTopic,
     GyroUnit,
-    checked_choice,
+    check_choice,
     input_lines,
 )
 from imu_sim_ros.jobs.writing import (
@@ -65,13 +71,13 @@ from imu_sim_ros.jobs.writing import (
     SplitDuration,
     SplitSize,
     Storage,
-    checked_form,
-    counts,
+    count_texts,
+    form_of_output,
     outputs,
     parameter_files,
     time_and_speed,
 )
-from imu_sim_ros.recordings.clock import unchanged_rows
+from imu_sim_ros.recordings.clock import repeated_value_rows
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import layer_error_model, orientation_problems
@@ -121,7 +127,7 @@ class ErrorsAdded:
         kinds = ("missing", "pauses", "restarts", "repeated", "backward")
         notes = "".join(f", {tally[kind]:,} {kind}" for kind in kinds if tally[kind])
         speed = time_and_speed(tally["readings"], self.wall_s, "readings")
-        yield f"{self.output}: {counts(self.messages)}{notes}; {speed}"
+        yield f"{self.output}: {count_texts(self.messages)}{notes}; {speed}"
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
@@ -193,24 +199,24 @@ def add_errors_to_file(
     """
     source_path = arguments.path("source", source)
     options = BagOptions(storage, compression, split_duration, split_size)
-    path, form = checked_form(FORMATS, output, format, options, topics, rename)
+    path, form = form_of_output(FORMATS, output, format, options, topics, rename)
     dataset = form.dataset
     if dataset not in (None, *FORMATS):
         raise InputError(f"{path}: {dataset} has no readings")
     topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
-    choice = checked_choice(topic, *selection, of_a_file=True, topic_name="input_topic")
+    choice = check_choice(topic, *selection, of_a_file=True, topic_name="input_topic")
     problems, layers = Problems(), dict[str, object]()
-    with problems.gathered():
-        layers |= layers_of(imu, seed, params_file, input, parameters, rate)
+    with problems.collect():
+        layers |= parameter_layers(imu, seed, params_file, input, parameters, rate)
         if twist_frame is not None:
-            layers["input.twist_frame"] = arguments.one_of("twist_frame", twist_frame, TWIST_FRAMES)
+            layers["input.twist_frame"] = arguments.choice("twist_frame", twist_frame, TWIST_FRAMES)
     if not problems:  # a preset that cannot be read hides nothing that is wrong with the source
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             layer_error_model(layers, problems)
     if problems:
-        with problems.gathered(), warnings.catch_warnings():
+        with problems.collect(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if has_topics(source_path):
                 with open_bag(source_path):
@@ -220,20 +226,22 @@ def add_errors_to_file(
     problems.tell()
     input_files = [source_path, *parameter_files(params_file), *layers.values()]
     written = outputs(force, discard_partial, input_files)
-    journal = Journal(source_path, arguments.switch("skip_bad_rows", skip_bad_rows))
-    left_out = {resolve_topic(name.strip()) for name in arguments.words("without", without) if name}
+    journal = Journal(source_path, arguments.boolean("skip_bad_rows", skip_bad_rows))
+    left_out = {
+        resolve_topic(name.strip()) for name in arguments.string_list("without", without) if name
+    }
     started = time.perf_counter()
     names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
     unfit = [name for name in names if name not in OF_THE_ERROR_MODEL]
     if unfit:
-        raise InputError([unknown("topic", name, OF_THE_ERROR_MODEL) for name in unfit])
+        raise InputError([unknown_name_line("topic", name, OF_THE_ERROR_MODEL) for name in unfit])
     added = USUAL if dataset else list(dict.fromkeys(names)) or USUAL
     target = written.add(path, keep_partial=True)
-    with written.staged(), tempfile.TemporaryDirectory(dir=target.path.parent) as temporary:
+    with written.stage(), tempfile.TemporaryDirectory(dir=target.path.parent) as temporary:
         folder, is_text = Path(temporary), not has_topics(source_path)
         recording, notes = _Ideal(source_path, choice, journal), list[str]()
         if is_text:
-            with_rate(layers, recording.rate)  # refused before work begins
+            add_rate(layers, recording.rate)  # refused before work begins
         if is_text and dataset:
             tally, messages, notes = _dataset_to_dataset(recording, target, folder, dataset, layers)
         else:
@@ -244,8 +252,8 @@ def add_errors_to_file(
                 topic = streams.READINGS if choice.merges else None if is_text else topic
             with open_bag(ideal) as bag:
                 bag.path = source_path  # for messages
-                readings = source_of(bag, topic)
-                built = with_rate(layers, lambda: rate_in(bag, readings))
+                readings = source_topic(bag, topic)
+                built = add_rate(layers, lambda: mean_rate(bag, readings))
                 if "imu/data" in added and (wrong := list(orientation_problems(built.imu))):
                     raise InputError(wrong)
                 if readings.type == ODOMETRY and not choice.is_plain:
@@ -261,7 +269,10 @@ def add_errors_to_file(
                     left_out |= {resolve_topic(name) for name in added} & have - {readings.name}
                 if left_out - have:
                     raise InputError(
-                        [unknown("topic", name, sorted(have)) for name in sorted(left_out - have)]
+                        [
+                            unknown_name_line("topic", name, sorted(have))
+                            for name in sorted(left_out - have)
+                        ]
                     )
                 copied = [info for info in bag.topics if resolve_topic(info.name) not in left_out]
                 if dataset:
@@ -309,8 +320,10 @@ class _Ideal:
     def rate(self) -> float:
         """Return the readings per second [Hz]."""
         for readings in self.blocks():
-            with naming(self.path, ConfigurationError):
-                return rate_of(readings.t_ns, unchanged_rows(readings.gyro, readings.accel))
+            with name_source(self.path, ConfigurationError):
+                return rounded_rate(
+                    readings.t_ns, repeated_value_rows(readings.gyro, readings.accel)
+                )
         raise InputError(f"{self.path}: contains no readings")
 
 
@@ -333,16 +346,16 @@ def _dataset_to_dataset(
     with Dataset(noisy, form) as dataset:
         for readings in source.blocks():
             readings.triads()  # both are needed
-            readings = with_fields(readings, q_wb=None)
+            readings = replace_fields(readings, q_wb=None)
             strays = tell_strays(
                 readings.t_ns, model is None, str(source.path), source.journal.warn
             )
             if strays.any():
                 readings = readings.rows(~strays)
             if model is None:
-                unchanged = unchanged_rows(readings.gyro, readings.accel)
-                rate = partial(rate_of, readings.t_ns, unchanged)
-                model = GivenImu(with_rate(layers, rate), remark=source.journal.warn)
+                unchanged = repeated_value_rows(readings.gyro, readings.accel)
+                rate = partial(rounded_rate, readings.t_ns, unchanged)
+                model = GivenImu(add_rate(layers, rate), remark=source.journal.warn)
             for begin in range(0, len(readings), ROWS_AT_ONCE):
                 for samples in model.read(readings.rows(slice(begin, begin + ROWS_AT_ONCE))):
                     dataset.write_imu(*delivered_readings(samples[IMU]))

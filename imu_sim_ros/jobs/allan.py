@@ -34,10 +34,10 @@ from imu_sim_ros.jobs.selection import (
     Frame,
     GyroTopic,
     GyroUnit,
-    checked_choice,
+    check_choice,
     input_lines,
 )
-from imu_sim_ros.jobs.writing import SkipBadRows, saved
+from imu_sim_ros.jobs.writing import SkipBadRows, save_output
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
@@ -74,7 +74,7 @@ class Estimated:
 
     def __repr__(self) -> str:
         axes = [
-            _in_words(value, low, high)
+            _interval_text(value, low, high)
             for value, low, high in zip(self.value, self.low, self.high, strict=True)
         ]
         columns = (f"{axis} {text}" for axis, text in zip(AXES, axes, strict=True))
@@ -86,7 +86,7 @@ def _or_none(values: Array, finite: Mask) -> list[float | None]:
     return [float(v) if is_finite else None for v, is_finite in zip(values, finite, strict=True)]
 
 
-def _in_words(value: float, low: float, high: float) -> str:
+def _interval_text(value: float, low: float, high: float) -> str:
     """Return a value with its interval as text, or an upper bound."""
     if np.isinf(high):
         return "not analysed"
@@ -209,7 +209,7 @@ class Noise:
             an axis is not analysed.
         """
         arguments.text("topic", topic, "the name of a topic")
-        with saved(path, force) as staged:
+        with save_output(path, force) as staged:
             if not staged.suffix:
                 staged.mkdir()
                 write_files(self, staged, topic)
@@ -299,9 +299,9 @@ def allan(
     >>> noise.gyroscope.noise_density.value.round(3)
     array([0.015, 0.015, 0.015])
     """
-    arguments.one_of("model", model, MODELS)
-    arguments.switch("force", force)
-    arguments.switch("skip_bad_rows", skip_bad_rows)
+    arguments.choice("model", model, MODELS)
+    arguments.boolean("force", force)
+    arguments.boolean("skip_bad_rows", skip_bad_rows)
     if isinstance(source, str | PathLike | Sequence):  # piece by piece: these records are long
         # Flights and records need no file.
         from imu_sim_ros.formats.door import reading_blocks
@@ -314,9 +314,9 @@ def allan(
             arguments.refuse("source", source, BAG_OR_FILE)
         problems = Problems()
         units = gyro_unit, accel_unit
-        choice = checked_choice(topic, frame, gyro_topic, accel_topic, *units, of_a_file=True)
+        choice = check_choice(topic, frame, gyro_topic, accel_topic, *units, of_a_file=True)
         for path in paths if len(paths) > 1 else ():  # before long records are read
-            with problems.gathered():
+            with problems.collect():
                 next(reading_blocks(path, choice, Handling(lambda count: None)), None)
         problems.tell()
         blocks = (
@@ -327,7 +327,7 @@ def allan(
         notes: list[str] = []
         judged = (_judge_units(stream, problems_of_units, notes) for stream in blocks)
         reading = progress("read", lambda: sum(_count(path, topic) for path in paths))
-        with _telling(problems_of_units), reading as advance:
+        with _prepend_notes(problems_of_units), reading as advance:
             result = analyse(judged, model=model, force=force, advance=advance)
         name, origin = ", ".join(map(name_of, paths)), ", ".join(map(str, paths))
     else:
@@ -337,7 +337,7 @@ def allan(
         if not isinstance(source, Flight):
             _judge(readings, problems_of_units)
         notes = list(readings.notes)
-        with _telling(problems_of_units):
+        with _prepend_notes(problems_of_units):
             result = analyse([[readings]], model=model, force=force)
         name, origin = readings.source, ""
     result = result._replace(warnings=(*problems_of_units, *result.warnings))
@@ -356,7 +356,7 @@ def allan(
 
 
 @contextmanager
-def _telling(problems: Sequence[str]) -> Iterator[None]:
+def _prepend_notes(problems: Sequence[str]) -> Iterator[None]:
     """Put what was found before in front of the reasons for which an analysis is refused.
 
     :param problems: lines, which are complete when the analysis ends.

@@ -81,7 +81,7 @@ class AttitudeEvaluation:
         return {
             **({"topic": self.topic} if self.topic else {}),
             "kind": "orientation",
-            **counts(self.t_ns, self.without_truth, self.coverage),
+            **pair_counts(self.t_ns, self.without_truth, self.coverage),
             "attitude_error_rad": statistics(np.linalg.norm(self.attitude, axis=1))._asdict(),
             "tilt_error_rad": statistics(self.tilt)._asdict(),
             "heading_error_rad": statistics(np.abs(self.heading))._asdict(),
@@ -104,7 +104,7 @@ class AttitudeEvaluation:
         yield nees_line(self.nees, self.no_nees)
 
 
-def counts(t_ns: Times, without_truth: int, covered: Coverage) -> dict[str, object]:
+def pair_counts(t_ns: Times, without_truth: int, covered: Coverage) -> dict[str, object]:
     """Return the number of samples that are compared and left out, and the time they span."""
     return {
         "samples": len(t_ns),
@@ -123,7 +123,7 @@ def heading_lines(topic: str, t_ns: Times, without_truth: int, covered: Coverage
 
 
 def nees_line(nees: SampleNees | None, why_none: str | None) -> str:
-    """Return a NEES, as :func:`stated_consistency` gives it, as text."""
+    """Return a NEES, as :func:`nees_of_errors` gives it, as text."""
     if nees is None:
         return f"no NEES: {why_none}"
     low, high = nees["band_95"]
@@ -151,7 +151,7 @@ class SampleNees(TypedDict):
     inside_band: float
 
 
-def stated_consistency(errors: Array, covariance: Array) -> tuple[SampleNees | None, str | None]:
+def nees_of_errors(errors: Array, covariance: Array) -> tuple[SampleNees | None, str | None]:
     """Return the NEES of errors (n, k) by their covariances (n, k, k), or why there is none."""
     stated = invertible(covariance)
     if not stated.any():
@@ -169,7 +169,7 @@ def stated_consistency(errors: Array, covariance: Array) -> tuple[SampleNees | N
     return summary, None
 
 
-def has_attitude_alone(estimate: object) -> bool:
+def is_attitude_estimate(estimate: object) -> bool:
     """Return whether an object has attitudes in time and no positions."""
     if not hasattr(estimate, "t_ns") or hasattr(estimate, "position"):
         return False
@@ -190,10 +190,10 @@ def evaluate_attitude(estimate: Any, truth: States, max_gap: float) -> AttitudeE
     q_wb = array(f"estimate.{name}", stated, (len(t_ns), 4))
     if (np.linalg.norm(q_wb, axis=1) < 0.5).any():
         refuse(f"estimate.{name}", stated, "unit quaternions (w, x, y, z)")
-    return compared_attitudes(t_ns, q_wb, truth, max_gap)
+    return compare_attitudes(t_ns, q_wb, truth, max_gap)
 
 
-def compared_attitudes(
+def compare_attitudes(
     t_ns: Times,
     q_wb: Array,
     truth: States,
@@ -213,9 +213,7 @@ def compared_attitudes(
     if q_bi is not None:
         true = multiply(true, q_bi[None])
     errors = attitude_errors(q, true)
-    consistency = (
-        (None, None) if covariance is None else stated_consistency(errors, covariance[rows])
-    )
+    consistency = (None, None) if covariance is None else nees_of_errors(errors, covariance[rows])
     angles = tilt_and_heading_errors(q, true)
     covered = coverage(t_ns, truth.t_ns, max_gap)
     return AttitudeEvaluation(

@@ -43,9 +43,9 @@ from imu_sim_ros.core import arguments, gate
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, number, suggest_keywords
 from imu_sim_ros.core.bad_rows import Skipped
 from imu_sim_ros.core.conventions import ABSOLUTE_ZERO, GRAVITY, STANDARD_GRAVITY
-from imu_sim_ros.core.errors import InputError, Problems, naming
-from imu_sim_ros.core.records import Readings, with_fields
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.errors import InputError, Problems, name_source
+from imu_sim_ros.core.records import Readings, replace_fields
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import Array, JsonObject, Times
 from imu_sim_ros.formats import door
 from imu_sim_ros.jobs.calibration_text import calibration_lines
@@ -58,10 +58,10 @@ from imu_sim_ros.jobs.selection import (
     GyroTopic,
     GyroUnit,
     Selection,
-    checked_choice,
+    check_choice,
     input_lines,
 )
-from imu_sim_ros.jobs.writing import SkipBadRows, saved
+from imu_sim_ros.jobs.writing import SkipBadRows, save_output
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, correction_of
 from imu_sim_ros.parameters import files
@@ -195,8 +195,8 @@ class Calibration:
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
-        arguments.switch("for_simulator", for_simulator)
-        with saved(path, force) as staged:
+        arguments.boolean("for_simulator", for_simulator)
+        with save_output(path, force) as staged:
             if staged.suffix == ".png":
                 from imu_sim_ros.plots import style
 
@@ -233,8 +233,8 @@ class _Run:
         self.path = None
         if isinstance(readings, str | PathLike):
             self.path = arguments.path("readings", readings, BAG_OR_FILE)
-        self._choice = checked_choice(topic, *selection, of_a_file=self.path is not None)
-        self._skip = arguments.switch("skip_bad_rows", skip_bad_rows)
+        self._choice = check_choice(topic, *selection, of_a_file=self.path is not None)
+        self._skip = arguments.boolean("skip_bad_rows", skip_bad_rows)
         self._warnings: list[str] = []
         self._notes: tuple[str, ...] = ()
 
@@ -246,10 +246,10 @@ class _Run:
         return self._given.source if isinstance(self._given, Readings) else "flight"
 
     @contextmanager
-    def naming(self) -> Iterator[None]:
+    def name_recording(self) -> Iterator[None]:
         """Prefix problems of a file's content with its name and with its skipped rows."""
         try:
-            with contextlib.nullcontext() if self.path is None else naming(self.path):
+            with contextlib.nullcontext() if self.path is None else name_source(self.path):
                 yield
         except InputError as error:
             raise type(error)([*self._warnings, *error.problems]) from None
@@ -261,7 +261,7 @@ class _Run:
         else:
             skipped = self._skip_counter(f"{self.path}")
             readings = door.read_readings(self.path, self._choice, skipped)
-            readings = with_fields(readings, source=self.name)
+            readings = replace_fields(readings, source=self.name)
         self._notes = readings.notes
         if not isinstance(self._given, Flight):
             CALIBRATE.judge(reading_findings(readings), self._warnings.append)
@@ -298,7 +298,7 @@ class _Run:
                 )
         elif self.path is None:
             raise InputError(
-                f"{stated('temperature')}: give that of the sensor at each reading [degC]"
+                f"{argument_prefix('temperature')}: give that of the sensor at each reading [degC]"
             )
         elif not door.has_topics(self.path):
             if topic is not None:
@@ -341,7 +341,8 @@ class _Run:
                 return true_rates(steady, *truth)
             if rotating:
                 raise InputError(
-                    f"{stated('rates')}: the rates the table was set to are not known; give them "
+                    f"{argument_prefix('rates')}: the rates the table was set to are not known; "
+                    "give them "
                     "in rad/s"
                 )
         rotations = match_table_rates(
@@ -464,10 +465,10 @@ def calibrate_six_position(
         readings, topic, skip_bad_rows, (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
     )
     gravity = _gravity(gravity)
-    arguments.switch("simple", simple)
-    arguments.one_of("fixture", fixture, FIXTURES)
+    arguments.boolean("simple", simple)
+    arguments.choice("fixture", fixture, FIXTURES)
     imu = run.imu()
-    with run.naming():
+    with run.name_recording():
         steady = find_steady(imu.t_ns, *imu.triads())
         fit = six_position(steady, gravity, simple=simple, fixture=fixture)
         run.warn_of_scale("accelerometer", np.diag(fit.scale_misalignment), _WRONG_FORCE)
@@ -537,13 +538,13 @@ def calibrate_turntable(
     )
     gravity = _gravity(gravity)
     problems = Problems()
-    with problems.gathered():
+    with problems.collect():
         imu = run.imu()
-    with problems.gathered():
+    with problems.collect():
         accel_correction = NO_CORRECTION if accelerometer is None else _correction(accelerometer)
     problems.tell()
-    imu = with_fields(imu, accel=accel_correction.apply(*imu.triads())[1])
-    with run.naming():
+    imu = replace_fields(imu, accel=accel_correction.apply(*imu.triads())[1])
+    with run.name_recording():
         steady, rate = run.steady(imu, rates, truth_topic)
         fit = turntable(steady, rate, gravity)
         run.warn_of_scale("gyroscope", np.diag(fit.scale_misalignment), _WRONG_RATE)
@@ -623,7 +624,7 @@ def calibrate_temperature(
     allowed = f"a temperature from {ABSOLUTE_ZERO:g} to 1000 degC"
     number("reference", reference, allowed, ABSOLUTE_ZERO, 1000.0)
     imu = run.imu()
-    with run.naming():
+    with run.name_recording():
         measured = run.temperature(imu, temperature, temperature_topic)
         steady, rate = run.steady(imu, rates, truth_topic, measured)
         temperatures = temperatures_at(steady, *measured)
@@ -682,7 +683,7 @@ def calibrate_magnetometer(
         number("strength", strength, "above 0 and below 1 T", 0.0, _STRONGEST, exclusive=True)
     run = _Run(readings, topic, skip_bad_rows)
     values = run.field()
-    with run.naming():
+    with run.name_recording():
         fit = ellipsoid(values, strength)
     facts = {
         "readings": len(values),

@@ -37,12 +37,12 @@ from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import suggest_keywords
 from imu_sim_ros.core.digits import interval_texts
 from imu_sim_ros.core.errors import InputError, system_error
-from imu_sim_ros.core.names import shown, suggestion
-from imu_sim_ros.core.spelling import argument, stated
+from imu_sim_ros.core.names import short_repr, suggestion
+from imu_sim_ros.core.spelling import argument, argument_prefix
 from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.evaluation import anees_band
-from imu_sim_ros.terminal.progress import progress, watcher
+from imu_sim_ros.terminal.progress import current_watcher, progress
 from imu_sim_ros.terminal.signatures import Text
 from imu_sim_ros.terminal.text_tables import TextTable
 
@@ -175,25 +175,27 @@ def campaign(
     path = find_plan(str(arguments.path("plan", plan, "a file, or a name in config/campaigns")))
     folder = arguments.path("output", output, "the path of a folder")
     for name, value in (("resume", resume), ("force", force), ("retry_failed", retry_failed)):
-        arguments.switch(name, value)
+        arguments.boolean(name, value)
     for name, value in (("report", report), ("dask", dask), ("baseline_anyway", baseline_anyway)):
-        arguments.switch(name, value)
+        arguments.boolean(name, value)
     baseline_path = None if baseline is None else arguments.path("baseline", baseline)
     limits = Limits.of(tolerance, non_inferiority)
     allowed = "a number of processes, from 1 to 10000"
-    processes = arguments.whole("workers", workers, allowed, 1, 10_000)
+    processes = arguments.integer("workers", workers, allowed, 1, 10_000)
     arguments.number("worker_timeout", worker_timeout, "above 0 s", 0.0, 1e6, exclusive=True)
     if scheduler is not None:
         arguments.text("scheduler", scheduler, "tcp://HOST:PORT")
     if batch is not None:
-        arguments.whole("batch", batch, "at least 1", 1, 1 << 31)
+        arguments.integer("batch", batch, "at least 1", 1, 1 << 31)
     loaded = load_plan(path)
     problems, metric_names = [], (*loaded.metrics, SUCCESS)
     if (
         arguments.text("metric", metric, "the name of a metric", empty=True)
         and metric not in metric_names
     ):
-        problems.append(f"{stated('metric', shown(metric))}: {suggestion(metric, metric_names)}")
+        problems.append(
+            f"{argument_prefix('metric', short_repr(metric))}: {suggestion(metric, metric_names)}"
+        )
     if dask and scheduler:
         problems.append(f"{argument('dask')} and {argument('scheduler')}: choose one")
     if resume and force:
@@ -201,12 +203,14 @@ def campaign(
     if limits.non_inferiority is not None and baseline_path is None:
         needs_baseline = f"needs {argument('baseline')}"
         problems.append(
-            f"{stated('non_inferiority', str(limits.non_inferiority))}: {needs_baseline}"
+            f"{argument_prefix('non_inferiority', str(limits.non_inferiority))}: {needs_baseline}"
         )
     if baseline_anyway and baseline_path is None:
-        problems.append(f"{stated('baseline_anyway')}: needs {argument('baseline')}")
+        problems.append(f"{argument_prefix('baseline_anyway')}: needs {argument('baseline')}")
     if baseline_path is not None and _lies_in(baseline_path, folder):
-        problems.append(f"{stated('baseline', str(baseline_path))}: is written by this campaign")
+        problems.append(
+            f"{argument_prefix('baseline', str(baseline_path))}: is written by this campaign"
+        )
     if problems:
         raise InputError(problems)
     check_plan(loaded, path)
@@ -221,11 +225,11 @@ def campaign(
             notes.append(f"the baseline is of another plan: {difference}")
     judged = metric or loaded.metrics[0]
     with (
-        _explaining_full_disk(folder),
+        _explain_full_disk(folder),
         Store(folder, resume, force) as store,
         _engine(loaded, processes, scheduler, dask, worker_timeout) as engine,
     ):
-        with _explaining_interruption(folder):
+        with _explain_interruption(folder):
             store.keep_plan(path)
             done = min(sum(1 for _ in store.rows()), loaded.run_count)
             tally = runs.Tally(loaded, done)
@@ -246,7 +250,7 @@ def campaign(
                 baselines = [baseline_path] if baseline_path else []
                 anyway = baseline_anyway
                 write_campaign_page(folder, drawn, baselines, limits, command, anyway)
-        watcher().complete(folder)
+        current_watcher().complete(folder)
     judgement = judge(loaded, outcome.rows, judged, baseline_rows, *limits)
     wall_s = time.perf_counter() - started
     return Campaign(loaded, folder, outcome.rows, outcome.executed, judgement, wall_s, notes)
@@ -283,12 +287,12 @@ def _engine(
     with engines.client(scheduler, processes, timeout) as client:
         engines.check_workers(client, plan)
         if address := engines.dashboard(client):
-            watcher().note(f"dashboard: {address}")
+            current_watcher().note(f"dashboard: {address}")
         yield engines.dask(client, timeout)
 
 
 @contextlib.contextmanager
-def _explaining_interruption(folder: Path) -> Iterator[None]:
+def _explain_interruption(folder: Path) -> Iterator[None]:
     """Add to an interruption of the block how to continue."""
     try:
         yield
@@ -300,7 +304,7 @@ def _explaining_interruption(folder: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _explaining_full_disk(folder: Path) -> Iterator[None]:
+def _explain_full_disk(folder: Path) -> Iterator[None]:
     """Name the folder if the disk is full, because the system's error does not."""
     try:
         yield
@@ -310,7 +314,7 @@ def _explaining_full_disk(folder: Path) -> Iterator[None]:
         raise
 
 
-def reasons(judgement: Judgement) -> list[str]:
+def failure_reasons(judgement: Judgement) -> list[str]:
     """Return why runs failed if none is done, each reason once."""
     counted: dict[str, int] = {}
     for failure in judgement.failures:
@@ -318,7 +322,7 @@ def reasons(judgement: Judgement) -> list[str]:
     return [f"no run is done: {runs:,} x {reason}" for reason, runs in list(counted.items())[:10]]
 
 
-def expected_duration(plan: Plan, processes: int) -> str:
+def duration_text(plan: Plan, processes: int) -> str:
     """Return text of a campaign's duration, from its first run or the time limit of programs."""
     total, prefix = runs.seconds_of_all_runs(plan), "at"
     if total is None:
@@ -440,7 +444,7 @@ def _lines(result: Campaign) -> Iterator[str | TextTable]:
         if key not in varying
     ]
     title = f"{metric}, median with 95 % interval; {', '.join(constants)}"
-    yield _without_constants(header, rows, title.removesuffix("; "), {"estimator"})
+    yield _drop_constant_columns(header, rows, title.removesuffix("; "), {"estimator"})
     if len(groups) > _SHOWN:
         yield (f"{len(groups) - _SHOWN} more in {result.folder / 'summary.csv'}")
     yield from _difference_lines(result.judgement)
@@ -487,7 +491,7 @@ def _difference_lines(judgement: Judgement) -> Iterator[str | TextTable]:
             title += f"; A is {rows[0][-1]}"
             constant.add("A is")
         header = ["of", "A", "B", "A than B (95 %)", "all at once", "p", "A is"]
-        yield _without_constants(header, rows[:_SHOWN], title, constant)
+        yield _drop_constant_columns(header, rows[:_SHOWN], title, constant)
     yield from sorted({e.note for c in judgement.contests for e in c.effects if e.note})
 
 
@@ -524,7 +528,7 @@ def _slope_tables(
         yield TextTable(header, slopes_of, title)
 
 
-def _without_constants(
+def _drop_constant_columns(
     header: Sequence[str], rows: Sequence[Sequence[str]], title: str, columns: Collection[str]
 ) -> TextTable:
     """Return a table without those of the columns that are the same in all rows.

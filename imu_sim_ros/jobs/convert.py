@@ -17,7 +17,7 @@ import numpy as np
 
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags import sensor_tables
-from imu_sim_ros.bags.cameras import recorded_cameras
+from imu_sim_ros.bags.cameras import cameras_of_topics
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.edit import ImuEdit
@@ -31,14 +31,14 @@ from imu_sim_ros.bags.reader import Bag, Recover
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import BagOptions, Writer, amount, topics_summary
+from imu_sim_ros.bags.writer import BagOptions, Writer, describe_amount, topics_summary
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import suggest_keywords
 from imu_sim_ros.core.bad_rows import Skipped
 from imu_sim_ros.core.conventions import IMU_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.core.records import Readings, States, with_fields
-from imu_sim_ros.core.spelling import argument, stated
+from imu_sim_ros.core.records import Readings, States, replace_fields
+from imu_sim_ros.core.spelling import argument, argument_prefix
 from imu_sim_ros.core.types import JsonObject, Times
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import has_topics, imu_choices, read_states, reading_blocks
@@ -50,7 +50,7 @@ from imu_sim_ros.jobs.selection import (
     Frame,
     GyroTopic,
     GyroUnit,
-    checked_choice,
+    check_choice,
     input_lines,
 )
 from imu_sim_ros.jobs.writing import (
@@ -66,8 +66,8 @@ from imu_sim_ros.jobs.writing import (
     SplitDuration,
     SplitSize,
     Storage,
-    checked_form,
-    counts,
+    count_texts,
+    form_of_output,
     outputs,
 )
 from imu_sim_ros.recordings.clock import estimate_clock
@@ -152,7 +152,7 @@ class Converted:
         last_ns = self.last_stamp_ns
         until = f", up to stamp {last_ns / 1e9:.9f} s" if last_ns is not None else ""
         word = "recovered" if self.recovered else "written"
-        yield f"{self.output}: {word}: {counts(self.messages) or 'no messages'}{until}"
+        yield f"{self.output}: {word}: {count_texts(self.messages) or 'no messages'}{until}"
         if self.not_converted:
             yield f"{self.output}: has no place for {', '.join(self.not_converted)}"
 
@@ -214,20 +214,20 @@ def convert(
     """
     path = arguments.path("source", source)
     bag = BagOptions(storage, compression, split_duration, split_size)
-    target, form = checked_form(text_writer.FORMATS, output, format, bag, topics, rename)
+    target, form = form_of_output(text_writer.FORMATS, output, format, bag, topics, rename)
     written = outputs(force, discard_partial, [path])
     if images is not None:
-        arguments.one_of("images", images, IMAGES)
-    arguments.switch("recover", recover)
-    if arguments.switch("keep_damaged", keep_damaged) and not recover:
+        arguments.choice("images", images, IMAGES)
+    arguments.boolean("recover", recover)
+    if arguments.boolean("keep_damaged", keep_damaged) and not recover:
         raise ConfigurationError(
-            f"{stated('keep_damaged')}: applies to a recovery; "
+            f"{argument_prefix('keep_damaged')}: applies to a recovery; "
             f"give {argument('recover', True)}, too"
         )
-    journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
+    journal = Journal(path, arguments.boolean("skip_bad_rows", skip_bad_rows))
     recovery: Recover = "keep_damaged" if keep_damaged else recover
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
-    choice = checked_choice(None, *selection, of_a_file=True)
+    choice = check_choice(None, *selection, of_a_file=True)
     is_copy = form.dataset is None and not choice.merges and has_topics(path)
     policy = COPY if is_copy else CONVERT
     if form.dataset != "tum":
@@ -351,7 +351,7 @@ def _unit_findings(
     survey = ReadingSurvey(copy_findings if policy is COPY else unit_findings)
     with contextlib.suppress(InputError):
         for block in reading_blocks(source, choice):
-            findings = survey.add(with_fields(block, source=name))
+            findings = survey.add(replace_fields(block, source=name))
             yield from findings
             is_known = survey.moved or any(finding.kind in UNITS for finding in findings)
             if is_known or survey.readings >= _JUDGED:
@@ -393,9 +393,9 @@ def write(
         raise InputError(f"{source}: frame, topics and units are those of readings, not of poses")
     comment = f"converted from {source.name} by imu_sim_ros"
     output = _Output(target, form, shown, comment, choice, stamps or CopiedStamps())
-    with written.staged():
+    with written.stage():
         if not is_text:
-            return _from_bag(source, output, journal, recover)
+            return _convert_bag(source, output, journal, recover)
         if form.topics:
             raise InputError(f"{source}: text has no topics to choose from")
         if dataset == "tum":
@@ -474,7 +474,7 @@ class _Output:
             states,
             tables=[(tables_by_kind[kind], 0) for kind in tables],
         )
-        self.target.summary = lambda: amount(dataset.rows, dataset.last_ns, "rows")
+        self.target.summary = lambda: describe_amount(dataset.rows, dataset.last_ns, "rows")
         return dataset
 
     def converted(
@@ -495,14 +495,14 @@ class _Output:
         )
 
 
-def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover) -> Converted:
+def _convert_bag(source: Path, output: _Output, journal: Journal, recover: Recover) -> Converted:
     """Convert a bag into another bag, a dataset, or poses in TUM format."""
     form = output.form
     whole = not recover or _is_whole(source)
     with open_bag(source, recover) as bag:
         for name, reason in bag.unreadable.items():
             journal.remark(f"{source}: {name} {reason}, and is left out")
-        topics = streams.chosen(bag, form.topics)
+        topics = streams.select_topics(bag, form.topics)
         if form.dataset is None:
             counts, last_ns = _bag_to_bag(bag, topics, output, journal, recover)
         elif form.dataset == "tum":
@@ -511,7 +511,7 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover)
             counts, last_ns = _to_tum(poses, output, pose_topic(bag, topic_name)[0])
         else:
             counts, last_ns = _bag_to_dataset(bag, topics, output, journal, recover)
-    lost = _without_table(topics, counts, output) if form.dataset else []
+    lost = _topics_without_table(topics, counts, output) if form.dataset else []
     lost += bag.unreadable
     result = output.converted(counts, last_ns, lost)
     if not recover:
@@ -553,7 +553,7 @@ def _recovery(bag: Bag) -> list[str]:
     return [*lines, f"{bag.path}: {lost} left out{': ' if amounts else ''}{', '.join(amounts)}"]
 
 
-def _without_table(
+def _topics_without_table(
     topics: Sequence[TopicInfo], counts: Mapping[str, int], output: _Output
 ) -> list[str]:
     """Return the topics with messages for which a dataset has no place."""
@@ -707,7 +707,7 @@ def _images(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> RecordedI
     from imu_sim_ros.datasets.recorded_bag import RecordedImages  # which needs OpenCV
 
     return RecordedImages(
-        bag, recorded_cameras(topics), output.target.path, str(output.form.dataset)
+        bag, cameras_of_topics(topics), output.target.path, str(output.form.dataset)
     )
 
 

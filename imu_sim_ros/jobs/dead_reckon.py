@@ -15,22 +15,22 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, number, one_of, switch
+from imu_sim_ros.core.arguments import BAG_OR_FILE, boolean, choice, name_of, number
 from imu_sim_ros.core.arguments import path as checked_path
 from imu_sim_ros.core.arguments import topic as checked_topic
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.errors import InputError, Problems, Remark, warn
-from imu_sim_ros.core.records import Readings, States, with_fields
+from imu_sim_ros.core.records import Readings, States, replace_fields
 from imu_sim_ros.core.rotation import to_euler
-from imu_sim_ros.core.spelling import argument, stated
-from imu_sim_ros.core.timebase import span
+from imu_sim_ros.core.spelling import argument, argument_prefix
+from imu_sim_ros.core.timebase import describe_span
 from imu_sim_ros.core.types import Array, JsonObject, Mask, Times
 from imu_sim_ros.datasets import world as worlds
 from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
 from imu_sim_ros.formats.door import has_topics, read_states, truth_file
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import judged
+from imu_sim_ros.jobs.readings import judge_readings
 from imu_sim_ros.jobs.selection import (
     NOTHING,
     AccelTopic,
@@ -41,7 +41,7 @@ from imu_sim_ros.jobs.selection import (
     Selection,
     input_lines,
 )
-from imu_sim_ros.jobs.writing import SkipBadRows, saved
+from imu_sim_ros.jobs.writing import SkipBadRows, save_output
 from imu_sim_ros.navigation import angles, initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.comparison import Comparison, compare
@@ -104,7 +104,7 @@ class Track(States):
     """Choices and conversions of reading, a line each."""
 
     def __repr__(self) -> str:
-        return f"<Track {self.method}, {self.attitude_update}: {span(self.t_ns)}>"
+        return f"<Track {self.method}, {self.attitude_update}: {describe_span(self.t_ns)}>"
 
     def to_dict(self) -> JsonObject:
         """Return length and errors, as ``--json`` prints them; None for errors without a truth.
@@ -168,7 +168,7 @@ class Track(States):
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
-        with saved(path, force) as staged:
+        with save_output(path, force) as staged:
             tracks.write_states(staged, self)
         return Path(path)
 
@@ -280,8 +280,8 @@ def dead_reckon(
         skip_bad_rows,
         (frame, gyro_topic, accel_topic, gyro_unit, accel_unit),
     )
-    switch("covariance", covariance)
-    track = integrated(start, settings)
+    boolean("covariance", covariance)
+    track = integrate_from(start, settings)
     if not covariance:
         return track
     return replace(track, covariance=_covariance(readings, track, start, mount_of(settings.imu)))
@@ -311,7 +311,7 @@ def dead_reckon_all(
         readings, parameters, initial, calibration, topics, skip, skip_bad_rows, selection
     )
     return [
-        integrated(start, replace(settings, method=method, attitude_update=attitude))
+        integrate_from(start, replace(settings, method=method, attitude_update=attitude))
         for method in METHODS
         for attitude in ATTITUDE_UPDATES
         if attitude != "euler_angles" or method in angles.METHODS
@@ -330,9 +330,9 @@ def _prepare(
 ) -> tuple[InitialCondition, IntegratorParameters]:
     """Return where integration begins, and its settings; arguments as for :func:`dead_reckon`."""
     if initial is None or not isinstance(initial, NavigationState):
-        one_of("initial", initial, (*INITIAL_STATES, "a NavigationState"))
+        choice("initial", initial, (*INITIAL_STATES, "a NavigationState"))
     number("skip", skip, "seconds, from 0 to 2^31", 0.0, _LONGEST_SKIP)
-    switch("skip_bad_rows", skip_bad_rows)
+    boolean("skip_bad_rows", skip_bad_rows)
     name = initial if isinstance(initial, str) else "parameters"
     overrides = {"initial_state": name, **_plain(parameters)}
     if calibration is not None:
@@ -340,10 +340,10 @@ def _prepare(
         overrides["calibration"] = str(checked_path("calibration", calibration, allowed))
     if isinstance(readings, str | PathLike):
         problems = Problems()
-        with problems.gathered():
+        with problems.collect():
             _settings(**overrides)  # wrong ones are refused before readings are read
         if problems:
-            with problems.gathered():
+            with problems.collect():
                 tracks.has_truth(checked_path("readings", readings, BAG_OR_FILE))
         problems.tell()
     recording = _recording(readings, *topics, skip_bad_rows, selection)
@@ -353,7 +353,9 @@ def _prepare(
     settings = (_usual_settings if usual else _settings)(**layers)
     if not (isinstance(readings, Flight) and (np.diff(recording.readings.t_ns) > 0).all()):
         gravity = float(np.linalg.norm(settings.gravity))
-        recording = recording._replace(readings=judged(recording.readings, DEAD_RECKON, gravity))
+        recording = recording._replace(
+            readings=judge_readings(recording.readings, DEAD_RECKON, gravity)
+        )
     if recording.truth is not None and not isinstance(readings, Flight):
         DEAD_RECKON.judge(pose_findings(recording.truth), warn)
     recording = recording.after(skip)
@@ -429,9 +431,9 @@ def read_recording(
     readings = readings_of("readings", path, imu_topic, "imu_topic", skip_bad_rows, selection)
     truth = None
     if truth_topic is not None or tracks.has_truth(path):
-        topic = tracks.assumed_truth(path, truth_topic)
+        topic = tracks.assume_truth_topic(path, truth_topic)
         states = read_states(truth_file(path) or path, topic, skip_bad_rows)
-        truth = with_fields(states, source=name_of(path))
+        truth = replace_fields(states, source=name_of(path))
         if truth.skipped:
             tell_skipped(f"the truth of {path}")(truth.skipped)
     return ReadingsAndTruth(readings, truth)
@@ -482,7 +484,7 @@ def initial_condition(
     if settings.initial_state == "truth":
         if truth is None:
             raise _no_truth(readings.source)
-        late = readings.t_ns < _first_common(
+        late = readings.t_ns < _first_common_stamp(
             readings.t_ns, truth.t_ns, _max_gap(settings, readings)
         )
         if late.any():
@@ -533,7 +535,7 @@ def _no_truth(source: str) -> InputError:
     )
 
 
-def _first_common(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
+def _first_common_stamp(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
     """Return the stamp from which readings have a truth.
 
     :param tolerance: seconds of readings that may come before it.
@@ -556,7 +558,7 @@ def _first_common(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
     return begin_ns
 
 
-def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track:
+def integrate_from(start: InitialCondition, settings: IntegratorParameters) -> Track:
     """Return the states integrated from an initial condition."""
     readings, truth = start.recording
     states = integrate(
@@ -573,7 +575,7 @@ def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track
         start.rate,
     )
     return track_of(
-        with_fields(states, source=readings.source),
+        replace_fields(states, source=readings.source),
         settings.method,
         settings.attitude_update,
         truth,
@@ -608,7 +610,9 @@ def track_of(
 def _covariance(source: object, track: Track, start: InitialCondition, mount: ImuMount) -> Array:
     """Return the covariance (n, 6, 6) of the poses from an exact start, or from a rest."""
     if not isinstance(source, Flight):
-        raise InputError(f"{stated('covariance')}: the sensor's errors are known of a flight alone")
+        raise InputError(
+            f"{argument_prefix('covariance')}: the sensor's errors are known of a flight alone"
+        )
     imu = source.parameters.imu
     initial: Array | Covariance = initial_covariance(
         gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,

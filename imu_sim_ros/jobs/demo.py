@@ -42,7 +42,7 @@ _END_TIMEOUT: Final = 10.0
 """Longest time between SIGINT and the end of a node [s]."""
 
 
-def fly(parameters: SimulationParameters, folder: Path) -> dict[str, dict[str, int]]:
+def run_nodes(parameters: SimulationParameters, folder: Path) -> dict[str, dict[str, int]]:
     """Run the nodes until the simulator is done; return the numbers in their closing lines.
 
     :param folder: receives the bag, the parameters and what the nodes say.
@@ -134,7 +134,7 @@ def _counts(log: str) -> dict[str, dict[str, int]]:
 def message_table(bag: Path, counts: dict[str, dict[str, int]]) -> TextTable:
     """Return the numbers of published, received and recorded messages of each topic.
 
-    :param counts: from :func:`fly`.
+    :param counts: from :func:`run_nodes`.
     """
     with open_bag(bag) as opened:
         recorded = {info.name.lstrip("/"): info.count for info in opened.topics}

@@ -17,12 +17,12 @@ import numpy as np
 from imu_sim_ros.core.arguments import (
     BAG_OR_FILE,
     array,
+    boolean,
+    choice,
     name_of,
     number,
-    one_of,
     refuse,
     suggest_keywords,
-    switch,
     text,
 )
 from imu_sim_ros.core.arguments import path as checked_path
@@ -30,7 +30,7 @@ from imu_sim_ros.core.arguments import topic as checked_topic
 from imu_sim_ros.core.conventions import TRUTH_TOPIC
 from imu_sim_ros.core.digits import interval_texts
 from imu_sim_ros.core.errors import InputError, Problems, warn
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import States, replace_fields
 from imu_sim_ros.core.types import Array, Integers, JsonObject, Mask, Times, field_values
 from imu_sim_ros.formats.door import has_topics, read_trajectory
 from imu_sim_ros.inputs.poses import write_tum
@@ -38,14 +38,14 @@ from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
     evaluate_attitude,
-    has_attitude_alone,
+    is_attitude_estimate,
     statistics_table,
 )
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
-from imu_sim_ros.jobs.readings import HasPoses, unordered_poses
+from imu_sim_ros.jobs.readings import HasPoses, poses_in_any_order
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
-from imu_sim_ros.jobs.writing import SkipBadRows, saved
+from imu_sim_ros.jobs.writing import SkipBadRows, save_output
 from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
     poses_at,
@@ -60,7 +60,7 @@ from imu_sim_ros.navigation.evaluation import (
 from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
 from imu_sim_ros.recordings.findings.catalogue import pair_findings, pose_findings, use_findings
 from imu_sim_ros.recordings.findings.policy import EVALUATE
-from imu_sim_ros.recordings.findings.pose_order import in_order
+from imu_sim_ros.recordings.findings.pose_order import sort_poses
 from imu_sim_ros.recordings.findings.roles import TrajectoryUse, TruthPairs
 from imu_sim_ros.sensors.camera.model import reprojection_errors
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
@@ -215,7 +215,7 @@ class Evaluation(Comparison):
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
-        with saved(path, force) as staged:
+        with save_output(path, force) as staged:
             write_tum(staged, self.estimate)
         return Path(path)
 
@@ -239,7 +239,7 @@ _ALIGNED: Final = {
 """Alignments in the titles of pictures."""
 
 
-def delta(text: str) -> tuple[float, str]:
+def parse_delta(text: str) -> tuple[float, str]:
     """Return the length and the unit, s, m or frames, of ``1s``, ``10m``, ``5frames``.
 
     :raises ValueError: for anything else.
@@ -272,13 +272,13 @@ def _deltas(name: str, deltas: object) -> tuple[tuple[float, str], ...]:
     for entry in deltas:
         if isinstance(entry, str):
             try:
-                entry = delta(entry)
+                entry = parse_delta(entry)
             except ValueError:
                 refuse(name, entry, allowed)
         if not isinstance(entry, list | tuple) or len(entry) != 2:
             refuse(name, deltas, allowed, wrong_type=True)
         pairs.append((number(name, entry[0], "above 0", 0.0, exclusive=True), entry[1]))
-        one_of(name, entry[1], DELTA_UNITS)
+        choice(name, entry[1], DELTA_UNITS)
     return tuple(pairs)
 
 
@@ -341,7 +341,7 @@ def evaluate(
     estimate_topic: Annotated[str | None, "TOPIC"] = None,
     truth_topic: Annotated[str | None, "TOPIC"] = None,
     align: Annotated[str, ALIGNMENTS] = "none",
-    rpe: Annotated[Sequence[str | tuple[float, str]], "DELTA", delta] = (),
+    rpe: Annotated[Sequence[str | tuple[float, str]], "DELTA", parse_delta] = (),
     time_offset: Annotated[bool, "--time-offset"] = False,
     max_gap: Annotated[float, "TIME"] = 0.0,
     tracks: Annotated[str | Path | None, "DIR"] = None,
@@ -388,12 +388,12 @@ def evaluate(
     <AttitudeEvaluation of 2000 attitudes, coverage 100 %: tilt 0.02025 rad rms, heading ...>
     """
     number("max_gap", max_gap, "a number of seconds, 0 or above", 0.0)
-    one_of("align", align, ALIGNMENTS)
-    switch("time_offset", time_offset)
+    choice("align", align, ALIGNMENTS)
+    boolean("time_offset", time_offset)
     folder = None if tracks is None else checked_path("tracks", tracks, "the path of a folder")
     chosen = None if align == "none" else align
     over = _deltas("rpe", rpe)
-    skip = switch("skip_bad_rows", skip_bad_rows)
+    skip = boolean("skip_bad_rows", skip_bad_rows)
     unfit = {
         "align": chosen,
         "tracks": tracks,
@@ -402,10 +402,10 @@ def evaluate(
     }
     problems = Problems()
     table = None
-    with problems.gathered():
+    with problems.collect():
         table = _table(estimate, estimate_topic)
     if problems and isinstance(truth, str | Path):
-        with problems.gathered():
+        with problems.collect():
             has_truth(checked_path("truth", truth, BAG_OR_FILE))
     problems.tell()
     if table is not None:
@@ -415,18 +415,18 @@ def evaluate(
             table, (estimate, str(estimate_topic)), recording, max_gap, imu, skip
         )
     _refuse_all({"imu": imu}, "omitted: it is about recorded orientations")
-    if has_attitude_alone(estimate):
+    if is_attitude_estimate(estimate):
         _refuse_all(unfit, "omitted: attitudes alone have no positions")
         true = _track("truth", truth, truth_topic, skip)
         return evaluate_attitude(estimate, true, max_gap)
-    with problems.gathered():
+    with problems.collect():
         _check_exchanged(estimate, truth, estimate_topic)
         _check_two(estimate, truth, estimate_topic, truth_topic)
-    with problems.gathered():
+    with problems.collect():
         track = _track("estimate", estimate, estimate_topic, skip)
-    with problems.gathered():
+    with problems.collect():
         true = _track("truth", truth, truth_topic, skip)
-    with problems.gathered():
+    with problems.collect():
         track_folder = None if folder is None else _read_tracks(folder)
     problems.tell()
     trajectory_errors = evaluation(track, true, align, max_gap, time_offset)
@@ -535,7 +535,7 @@ def evaluation(
     """
     offset = _time_offset(estimate, truth, align, max_gap) if find_offset else None
     if offset is not None:
-        estimate = with_fields(estimate, t_ns=estimate.t_ns + round(offset.value_s * 1e9))
+        estimate = replace_fields(estimate, t_ns=estimate.t_ns + round(offset.value_s * 1e9))
     errors = compare(estimate, truth, align, max_gap)
     return Evaluation(**field_values(errors), time_offset=offset)
 
@@ -560,13 +560,13 @@ def _track(
             findings = [finding for finding in findings if finding.kind != "poses_sparse"]
         EVALUATE.judge(findings, warn)
         return states
-    poses = unordered_poses(name, trajectory)
+    poses = poses_in_any_order(name, trajectory)
     speed, stated = getattr(trajectory, "velocity", None), getattr(trajectory, "covariance", None)
     if speed is not None:
         speed = array(f"{name}.velocity", speed, (len(poses.t_ns), 3))
     if stated is not None and name == "estimate":
         stated = array("estimate.covariance", stated, (len(poses.t_ns), 6, 6))
-    return in_order(with_fields(poses, velocity=speed, covariance=stated))
+    return sort_poses(replace_fields(poses, velocity=speed, covariance=stated))
 
 
 def _lines(result: JsonObject) -> Iterator[str | TextTable]:

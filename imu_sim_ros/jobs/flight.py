@@ -19,11 +19,11 @@ from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.conventions import ERROR_TOPICS
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import Readings, States, data_frame, with_fields
-from imu_sim_ros.core.timebase import seconds_since, span
+from imu_sim_ros.core.records import Readings, States, data_frame, replace_fields
+from imu_sim_ros.core.timebase import describe_span, seconds_since
 from imu_sim_ros.core.types import Array, Integers, field_values
-from imu_sim_ros.jobs.readings import check_simulated, delivered_of
-from imu_sim_ros.jobs.selection import NOTHING, Selection, checked_choice
+from imu_sim_ros.jobs.readings import check_simulated, delivered_samples
+from imu_sim_ros.jobs.selection import NOTHING, Selection, check_choice
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.parameters import MountedParameters
@@ -84,7 +84,7 @@ class Truth(States):
     """(n, 3) vibration of the vehicle in the accelerometer [m/s^2]."""
 
     def __repr__(self) -> str:
-        return f"<Truth: {span(self.t_ns)}>"
+        return f"<Truth: {describe_span(self.t_ns)}>"
 
     def _frame_columns(self) -> dict[str, Array]:
         """Return motion, ideal readings and every true error by name."""
@@ -118,11 +118,11 @@ def readings_of(
             from imu_sim_ros.formats import door  # readers of bags, which flights do not need
 
             path = arguments.path(name, source, BAG_OR_FILE)
-            choice = checked_choice(topic, *selection, of_a_file=True, topic_name=topic_name)
+            choice = check_choice(topic, *selection, of_a_file=True, topic_name=topic_name)
             skipped = tell_skipped(path) if skip_bad_rows else None
-            return with_fields(door.read_readings(path, choice, skipped), source=name_of(path))
+            return replace_fields(door.read_readings(path, choice, skipped), source=name_of(path))
         arguments.refuse(name, source, f"a Flight, Readings, or {BAG_OR_FILE}", wrong_type=True)
-    checked_choice(topic, *selection, of_a_file=False, topic_name=topic_name)
+    check_choice(topic, *selection, of_a_file=False, topic_name=topic_name)
     readings = source.readings if isinstance(source, Flight) else source
     if not len(readings):
         raise InputError(f"{name}: contains no readings")
@@ -209,7 +209,7 @@ class Flight:
         if not name.startswith("_"):
             mount = self._sensors.get(name)
             if mount is not None and mount.sensor.readings is not None:
-                readings = delivered_of(self._windows, name, mount.sensor.readings)
+                readings = delivered_samples(self._windows, name, mount.sensor.readings)
                 self.__dict__[name] = readings
                 return readings
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -252,15 +252,15 @@ class Flight:
         return len(self.t_ns)
 
     def __repr__(self) -> str:
-        return f"<Flight {self.name}: {span(self.t_ns)}, seed {self.parameters.seed}>"
+        return f"<Flight {self.name}: {describe_span(self.t_ns)}, seed {self.parameters.seed}>"
 
     def _repr_html_(self) -> str:
         """Return the flight as a table, for notebooks."""
         rows = [
-            ["readings", span(self.t_ns)],
+            ["readings", describe_span(self.t_ns)],
             ["seed", str(self.parameters.seed)],
             *(
-                [name, span(getattr(self, name).t_ns)]
+                [name, describe_span(getattr(self, name).t_ns)]
                 for name in self._sensors
                 if name != IMU and name in self._windows[0]
             ),
@@ -307,18 +307,18 @@ class Flight:
         >>> flight.save(folder / "flight.bag", rename={"imu/data_raw": "/imu0"}).name
         'flight.bag'
         """
-        from imu_sim_ros.datasets.forms import chosen_topics, open_output
-        from imu_sim_ros.jobs.writing import renamed_topics, saved
+        from imu_sim_ros.datasets.forms import open_output, topics_to_write
+        from imu_sim_ros.jobs.writing import rename_topics, save_output
         from imu_sim_ros.simulation.topics import sensor_topics
 
-        topic_names = arguments.words("topics", topics) or self._topics
-        arguments.switch("imu_only", imu_only)
+        topic_names = arguments.string_list("topics", topics) or self._topics
+        arguments.boolean("imu_only", imu_only)
         if format is not None:
-            arguments.one_of("format", format, ("csv", "euroc"))
-        renamed, sensors = renamed_topics(rename), self._sensors
-        with saved(path, force, flatten(self.parameters).values()) as staged:
+            arguments.choice("format", format, ("csv", "euroc"))
+        renamed, sensors = rename_topics(rename), self._sensors
+        with save_output(path, force, flatten(self.parameters).values()) as staged:
             form = format or ("csv" if staged.suffix == ".csv" else None)
-            names = chosen_topics(sensors, form, staged, topic_names, renamed, imu_only)
+            names = topics_to_write(sensors, form, staged, topic_names, renamed, imu_only)
             offers = sensor_topics(sensors)
             for sensor in {offers[name].name for name in names}:
                 check_simulated(self._windows, sensor)

@@ -14,23 +14,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from imu_sim_ros.bags.outputs import Outputs, Target
-from imu_sim_ros.bags.threads import cores, prefetch, threads
+from imu_sim_ros.bags.threads import core_count, prefetch, thread_pool
 from imu_sim_ros.bags.writer import BagOptions, check_split
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, Problems
 from imu_sim_ros.core.records import States
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.datasets import truth_files
 from imu_sim_ros.datasets.forms import (
     FORMATS,
     check_form,
-    chosen_topics,
     open_output,
+    topics_to_write,
 )
 from imu_sim_ros.jobs.segments import Segments, segment_layer
-from imu_sim_ros.jobs.simulate import GivenMotion, Moving, argument_layers, with_poses
+from imu_sim_ros.jobs.simulate import GivenMotion, Moving, argument_layers, collect_pose_problems
 from imu_sim_ros.jobs.writing import (
     OUTPUT,
     Compression,
@@ -47,8 +47,8 @@ from imu_sim_ros.jobs.writing import (
     SplitDuration,
     SplitSize,
     Storage,
-    checked_form,
-    counts,
+    count_texts,
+    form_of_output,
     outputs,
     parameter_files,
     time_and_speed,
@@ -120,7 +120,7 @@ class Generated:
     def lines(self) -> Iterator[str]:
         """Yield the lines of the report that ``generate`` prints."""
         speed = time_and_speed(sum(self.messages.values()), self.wall_s, "messages")
-        yield f"{self.output}: {counts(self.messages)}; {self.bytes / 1e6:,.1f} MB in {speed}"
+        yield f"{self.output}: {count_texts(self.messages)}; {self.bytes / 1e6:,.1f} MB in {speed}"
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
@@ -245,12 +245,12 @@ def generate(
     <Generated made.mcap: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     bag = BagOptions(storage, compression, split_duration, split_size)
-    path, form = checked_form(FORMATS, output, format, bag, topics, rename)
-    arguments.switch("imu_only", imu_only)
-    arguments.switch("with_configs", with_configs)
-    skip = arguments.switch("skip_bad_rows", skip_bad_rows)
-    renderers = cores() if jobs is None else jobs
-    arguments.whole("jobs", renderers, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
+    path, form = form_of_output(FORMATS, output, format, bag, topics, rename)
+    arguments.boolean("imu_only", imu_only)
+    arguments.boolean("with_configs", with_configs)
+    skip = arguments.boolean("skip_bad_rows", skip_bad_rows)
+    renderers = core_count() if jobs is None else jobs
+    arguments.integer("jobs", renderers, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
     journal, problems = Journal(), Problems()
     layers, motion = run_parameters(
         journal,
@@ -267,12 +267,12 @@ def generate(
         cameras=cameras,
         scene=scene,
     )
-    with with_poses(layers, motion, _has_segments(segments)):
+    with collect_pose_problems(layers, motion, _has_segments(segments)):
         simulation = load_simulator(layers, problems=problems)
 
     sensors = mount_sensors(simulation)
     check_form(form.dataset, path, sensors)
-    names = chosen_topics(sensors, form.dataset, path, form.topics, form.renamed, imu_only)
+    names = topics_to_write(sensors, form.dataset, path, form.topics, form.renamed, imu_only)
     fastest = max(sensor.environment.rate for sensor in sensors.values())
     check_split(form.bag.split_duration, 1.0 / fastest, simulation.duration or 0.0)
     inputs = [*parameter_files(params_file), *_possible_inputs(flatten(simulation))]
@@ -282,7 +282,7 @@ def generate(
     needed = _needed_sensors(sensors, names, form.dataset) | output_files.companions.keys()
 
     renders = any(sensor.sensor.apart for sensor in sensors.values())
-    with staging.staged(), threads(renderers) if renders else nullcontext() as pool:
+    with staging.stage(), thread_pool(renderers) if renders else nullcontext() as pool:
         for truth_file, text in output_files.truths.items():
             truth_file.write_text(text, encoding="utf-8")
         pose_reader = _pose_reader(motion, skip, journal)
@@ -340,9 +340,9 @@ def _output_files(
     companions: dict[str, list[Path]] = {}
     # An output in a place that is a file is refused with a single line.
     if dataset not in _WITHOUT_READINGS and not path.parent.is_file():
-        for file, text in truth_files.new_truths(path, simulation).items():
+        for file, text in truth_files.new_truth_files(path, simulation).items():
             truths[staging.add(file, companion_of=output, keep_partial=True).path] = text
-        for name, companion_files in truth_files.companions(path, sensors).items():
+        for name, companion_files in truth_files.companion_files(path, sensors).items():
             companions[name] = [
                 staging.add(file, companion_of=output).path for file in companion_files
             ]
@@ -401,7 +401,7 @@ def _body(
     body = Body(simulation, pose_reader, trajectory=trajectory, sensors=sensors, threads=pool)
     if body.total is None:
         raise ConfigurationError(
-            f"{stated('duration', '0')}: this trajectory has no end; give a duration, for "
+            f"{argument_prefix('duration', '0')}: this trajectory has no end; give a duration, for "
             "instance 20s"
         )
     return body
@@ -493,33 +493,33 @@ def run_parameters(
     The other arguments are those of :func:`generate`.
     """
     in_files, in_scene = dict[str, object](), dict[str, object]()
-    with problems.gathered(hanging=""):
+    with problems.collect(hanging=""):
         in_files = load_all(parameter_files(params_file), "simulator")
     layers, overrides, motion = argument_layers(
         imu, trajectory, duration, rate, seed, parameters, problems
     )
-    if arguments.switch("robust", robust):
+    if arguments.boolean("robust", robust):
         layers["trajectory.robust"] = True
     asked = []
     for kind, switch in switches().items():
-        if arguments.switch(switch.name, layers.pop(switch.name, False)):
+        if arguments.boolean(switch.name, layers.pop(switch.name, False)):
             layers[f"{kind}.{switch.parameter}"] = True
             asked.append(kind)
     if scene is not None:
         from imu_sim_ros.sensors.camera.rig_parameters import scene_layer  # most runs have none
 
-        with problems.gathered(hanging="scene."):
+        with problems.collect(hanging="scene."):
             file = arguments.path("scene", scene, "a name or the path of a file")
             in_scene = scene_layer(str(file))
     if _has_segments(segments):
         motion_file = layers.get("trajectory.file", in_files.get("trajectory.file"))
-        with problems.gathered():
+        with problems.collect():
             layers = _on_segments(segments, motion_file) | layers
     values = {**in_files, **in_scene, **layers}
     for kind in ("camera", *switchable_sensors()):
         option = "cameras" if kind == "camera" else kind
         value, presets = cameras if kind == "camera" else values.pop(kind, ()), list[object]()
-        with problems.gathered(hanging="cam" if kind == "camera" else f"{kind}."):
+        with problems.collect(hanging="cam" if kind == "camera" else f"{kind}."):
             presets = [
                 preset is True
                 or str(arguments.path(option, preset, "a name, the path of a file, or several"))
@@ -537,7 +537,7 @@ def run_parameters(
     if isinstance(imu, str | Path) and overridden:
         further = f" and {len(overridden) - 3} more" if len(overridden) > 3 else ""
         journal.note(
-            f"{stated('imu', str(imu))} is the base of the parameter file; "
+            f"{argument_prefix('imu', str(imu))} is the base of the parameter file; "
             f"the values of the file take precedence: {', '.join(overridden[:3])}{further}"
         )
     return values, motion

@@ -23,13 +23,13 @@ from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
     SampleNees,
-    compared_attitudes,
-    counts,
+    compare_attitudes,
     heading_lines,
     nees_line,
-    stated_consistency,
+    nees_of_errors,
+    pair_counts,
 )
-from imu_sim_ros.jobs.tracks import assumed_truth
+from imu_sim_ros.jobs.tracks import assume_truth_topic
 from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
 from imu_sim_ros.navigation.coverage import Coverage, coverage
 from imu_sim_ros.sensors import reading_tables
@@ -75,7 +75,7 @@ class ReadingsEvaluation:
         return {
             "topic": self.topic,
             "kind": self.kind,
-            **counts(self.t_ns, self.without_truth, self.coverage),
+            **pair_counts(self.t_ns, self.without_truth, self.coverage),
             "unit": self.unit,
             "error": _moments(self.error),
             "error_without_bias": None if free is None else _moments(free),
@@ -117,20 +117,20 @@ def evaluate_measured(
     :raises InputError: for what cannot be read or has no truth.
     """
     topic, problems = estimate[1], Problems()
-    with problems.gathered():
+    with problems.collect():
         measured = _read_measurements(table, *estimate, skip_bad_rows)
     if table.of_readings:
-        with problems.gathered():
-            chosen = assumed_truth(*truth)
+        with problems.collect():
+            chosen = assume_truth_topic(*truth)
             poses = read_trajectory(truth[0], chosen, skip_bad_rows=skip_bad_rows)
-        with problems.gathered():
+        with problems.collect():
             mounting = _mounting(imu)
         problems.tell()
         attitudes = (measured.t_ns, measured.values, poses, max_gap)
-        turned = compared_attitudes(*attitudes, mounting, measured.covariance)
+        turned = compare_attitudes(*attitudes, mounting, measured.covariance)
         return replace(turned, topic=topic)
     truths = sensor_tables.truths_of(table, topic)
-    with problems.gathered():
+    with problems.collect():
         ideal = _ideal(table, truth[0], truth[1] or truths.ideal, skip_bad_rows)
     problems.tell()
     evaluation = _readings(table, measured, ideal, truths, truth[0], max_gap)
@@ -197,7 +197,7 @@ def _readings(
     if biased:
         bias_t_ns, bias = sensor_tables.read_bias(path, table, truths.bias)
         without_bias = errors - interpolate_vectors(bias_t_ns, bias, t_ns)
-        consistency, why = stated_consistency(without_bias, measured.covariance[rows])
+        consistency, why = nees_of_errors(without_bias, measured.covariance[rows])
     left_out = len(measured.t_ns) - len(rows)
     covered = coverage(measured.t_ns, ideal.t_ns, max_gap)
     what, nees = (table.name, table.quantity.unit), (consistency, why)

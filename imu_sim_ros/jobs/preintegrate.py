@@ -16,7 +16,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import judged
+from imu_sim_ros.jobs.readings import judge_readings
 from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, interpolate_readings
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
 from imu_sim_ros.navigation.stepper import check_readings
@@ -72,12 +72,12 @@ def preintegrate(
     >>> found.alpha.shape, found.covariance.shape
     ((19, 3), (19, 15, 15))
     """
-    arguments.one_of("method", method, METHODS)
+    arguments.choice("method", method, METHODS)
     number("max_gap", max_gap, "a number of seconds, 0 or above", 0.0)
     noise = readings.parameters.imu if isinstance(readings, Flight) else None
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
     imu = readings_of("readings", readings, topic, selection=selection)
-    imu = judged(imu, PREINTEGRATE)
+    imu = judge_readings(imu, PREINTEGRATE)
     if (edges_ns is None) == (every is None):
         raise InputError("give the times of the frames, edges_ns, or the time between them, every")
     if every is not None:

@@ -39,4 +39,4 @@ def presets(kind: str = "imu") -> dict[str, str]:
     """
     sensors = {name: find_sensor(name).presets for name in switchable_sensors()}
     folders = _FOLDERS | {name: folder for name, folder in sensors.items() if folder}
-    return descriptions(folders[arguments.one_of("kind", kind, folders)])
+    return descriptions(folders[arguments.choice("kind", kind, folders)])

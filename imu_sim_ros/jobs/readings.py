@@ -13,19 +13,26 @@ from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 import numpy as np
 
 from imu_sim_ros.core import arguments, gate
-from imu_sim_ros.core.arguments import BAG_OR_FILE, array, name_of, refuse, suggest_keywords, words
+from imu_sim_ros.core.arguments import (
+    BAG_OR_FILE,
+    array,
+    name_of,
+    refuse,
+    string_list,
+    suggest_keywords,
+)
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import ConfigurationError, InputError, warn
 from imu_sim_ros.core.names import suggestion
-from imu_sim_ros.core.records import Readings, States, TimeSeries, with_fields
+from imu_sim_ros.core.records import Readings, States, TimeSeries, replace_fields
 from imu_sim_ros.core.rotation import from_euler
 from imu_sim_ros.core.types import Array, Times
-from imu_sim_ros.jobs.selection import checked_choice
+from imu_sim_ros.jobs.selection import check_choice
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.policy import FindingPolicy
-from imu_sim_ros.recordings.findings.pose_order import in_order
+from imu_sim_ros.recordings.findings.pose_order import sort_poses
 from imu_sim_ros.sensors import (
     find_sensor,
     kind_of,
@@ -57,7 +64,7 @@ class HasPoses(Protocol):
         """(n, 4) unit quaternions (w, x, y, z)."""
 
 
-def judged(
+def judge_readings(
     readings: Readings, policy: FindingPolicy, gravity: float = STANDARD_GRAVITY
 ) -> Readings:
     """Return readings after the job's policy: faults are refused, corrected or reported.
@@ -75,7 +82,7 @@ def judged(
         raise InputError(f"{readings.source}: {measures.no_clock}")
     if clock is None or not any(finding.kind in policy.corrects for finding in findings):
         return readings
-    return with_fields(readings.rows(clock.rows), t_ns=clock.times_ns())
+    return replace_fields(readings.rows(clock.rows), t_ns=clock.times_ns())
 
 
 @suggest_keywords
@@ -135,10 +142,10 @@ def read_readings(
     from imu_sim_ros.formats import door  # readers of bags, which flights do not need
 
     path = arguments.path("path", path, BAG_OR_FILE)
-    skipped = tell_skipped(path) if arguments.switch("skip_bad_rows", skip_bad_rows) else None
+    skipped = tell_skipped(path) if arguments.boolean("skip_bad_rows", skip_bad_rows) else None
     units = gyro_unit, accel_unit
-    choice = checked_choice(topic, frame, gyro_topic, accel_topic, *units, of_a_file=True)
-    return with_fields(door.read_readings(path, choice, skipped), source=name_of(path))
+    choice = check_choice(topic, frame, gyro_topic, accel_topic, *units, of_a_file=True)
+    return replace_fields(door.read_readings(path, choice, skipped), source=name_of(path))
 
 
 @suggest_keywords
@@ -161,7 +168,7 @@ def read_states(path: str | Path, topic: str | None = None) -> States:
 
     path = arguments.path("path", path, BAG_OR_FILE)
     states = door.read_states(path, arguments.topic("topic", topic), covariance=True)
-    return with_fields(states, source=name_of(path))
+    return replace_fields(states, source=name_of(path))
 
 
 @suggest_keywords
@@ -182,18 +189,18 @@ def read_odometry(path: str | Path, topic: str | None = None) -> States:
     return read_states(path, topic)
 
 
-def checked_poses(name: str, poses: HasPoses) -> States:
+def check_poses(name: str, poses: HasPoses) -> States:
     """Return poses in the order of time; other objects than States are checked.
 
     :param name: name of the argument.
     :raises ConfigurationError: for arrays of another type or shape.
-    :raises InputError: for no poses, and for those that :class:`States` or :func:`in_order` refuse.
+    :raises InputError: for no poses; for those that :class:`States` or :func:`sort_poses` refuse.
     """
-    return in_order(unordered_poses(name, poses))
+    return sort_poses(poses_in_any_order(name, poses))
 
 
-def unordered_poses(name: str, poses: HasPoses) -> States:
-    """Return poses as they are given; arguments and errors as for :func:`checked_poses`."""
+def poses_in_any_order(name: str, poses: HasPoses) -> States:
+    """Return poses as they are given; arguments and errors as for :func:`check_poses`."""
     if not all(hasattr(poses, attribute) for attribute in ("t_ns", "position", "q_wb")):
         refuse(name, poses, "a Track, an Odometry or another object with poses", True)
     if isinstance(poses, States):
@@ -239,16 +246,16 @@ def poses_of_rows(trajectory: Array) -> States:
                 f"trajectory: row {row}: a quaternion of length {lengths[row]:.4g}: must be 1, "
                 f"or rounded within {_ROUNDED:g}"
             )
-    return in_order(States(t_ns.astype(np.int64), rows[:, 1:4], q_wb, source="trajectory"))
+    return sort_poses(States(t_ns.astype(np.int64), rows[:, 1:4], q_wb, source="trajectory"))
 
 
-def checked_sensors(names: Collection[str], parameters: Mapping[str, object]) -> frozenset[str]:
+def check_sensors(names: Collection[str], parameters: Mapping[str, object]) -> frozenset[str]:
     """Return the names of sensors: quantities of IMUs, and sensors with names of their own.
 
     :param parameters: all other parameters by dotted name; ``NAME.type`` is a kind of sensor.
     :raises ConfigurationError: with a line for each that does not exist.
     """
-    chosen = words("sensors", names)
+    chosen = string_list("sensors", names)
     quantities = [sensor.quantity for sensor in sensors_of_imus()]
     unknown: list[str] = []
     for name in dict.fromkeys(chosen):
@@ -279,7 +286,7 @@ def check_simulated(windows: Sequence[Mapping[str, Samples]], name: str) -> None
         )
 
 
-def delivered_of(
+def delivered_samples(
     windows: Sequence[Mapping[str, Samples]],
     name: str,
     readings: type[ReadingsT],

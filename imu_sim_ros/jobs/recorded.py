@@ -13,7 +13,7 @@ import numpy as np
 
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, suggest_keywords
-from imu_sim_ros.core.errors import InputError, naming
+from imu_sim_ros.core.errors import InputError, name_source
 from imu_sim_ros.core.gate import stamp_ns
 from imu_sim_ros.core.types import AnyArray
 
@@ -59,7 +59,7 @@ def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
         available = ", ".join(offered) or "no images"
         options = "" if name is None else f"no images on {name}; "
         raise InputError(f"{path}: {options}has {available}; topic= names one")
-    return _images(path, chosen[0]) if cameras is None else _of_camera(cameras[chosen[0]])
+    return _images(path, chosen[0]) if cameras is None else _camera_images(cameras[chosen[0]])
 
 
 def camera_names(path: Path) -> list[str]:
@@ -82,14 +82,14 @@ def _cameras(path: Path) -> dict[str, RecordedFrames] | None:
     }
 
 
-def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, AnyArray]]:
+def _camera_images(frames: RecordedFrames) -> Iterator[tuple[int, AnyArray]]:
     """Yield stamps and pixels of the images in a camera's folder."""
     from imu_sim_ros.datasets.recorded import read_image
     from imu_sim_ros.sensors.camera.images.files import decode_image
 
     for t_ns, name in zip(frames.t_ns.tolist(), frames.names, strict=True):
         data, _ = read_image(frames.folder / name)
-        with naming(frames.folder / name):
+        with name_source(frames.folder / name):
             yield t_ns, np.asarray(decode_image(data))
 
 
@@ -138,11 +138,11 @@ def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
     >>> [(t_ns, int(points["ring"].max())) for t_ns, points in ims.read_points(path)]
     [(1000000000, 1), (1100000000, 1)]
     """
-    from imu_sim_ros.bags.clouds import cloud_topics, measured_clouds, read_clouds
+    from imu_sim_ros.bags.clouds import cloud_topics, measured_cloud_topics, read_clouds
 
     path = arguments.path("path", path, BAG_OR_FILE)
     name = arguments.topic("topic", topic)
-    offered, measured = cloud_topics(Path(path)), measured_clouds(Path(path))
+    offered, measured = cloud_topics(Path(path)), measured_cloud_topics(Path(path))
     chosen = (
         measured
         if name is None

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from imu_sim_ros import __version__
-from imu_sim_ros.bags.outputs import named
+from imu_sim_ros.bags.outputs import resolve_name
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import suggest_keywords
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.errors import InputError, Problems
-from imu_sim_ros.core.records import States, with_fields
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.records import States, replace_fields
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import has_topics, read_states, read_trajectory, reading_blocks
@@ -30,13 +30,13 @@ from imu_sim_ros.jobs.selection import (
     Frame,
     GyroTopic,
     GyroUnit,
-    checked_choice,
+    check_choice,
     input_lines,
 )
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, truth_topic
-from imu_sim_ros.jobs.writing import SkipBadRows, saved
-from imu_sim_ros.recordings.findings.pose_order import in_order
-from imu_sim_ros.reports.findings import finding_section
+from imu_sim_ros.jobs.writing import SkipBadRows, save_output
+from imu_sim_ros.recordings.findings.pose_order import sort_poses
+from imu_sim_ros.reports.findings import findings_section
 from imu_sim_ros.reports.page import Section, html
 
 if TYPE_CHECKING:
@@ -158,16 +158,16 @@ def report(
         arguments.text("metric", metric, "the name of a metric", empty=True),
         _paths("baselines", baselines),
         arguments.topic("truth_topic", truth_topic),
-        arguments.switch("skip_bad_rows", skip_bad_rows),
-        arguments.switch("baseline_anyway", baseline_anyway),
-        checked_choice(None, frame, gyro_topic, accel_topic, gyro_unit, accel_unit, of_a_file=True),
+        arguments.boolean("skip_bad_rows", skip_bad_rows),
+        arguments.boolean("baseline_anyway", baseline_anyway),
+        check_choice(None, frame, gyro_topic, accel_topic, gyro_unit, accel_unit, of_a_file=True),
     )
     heading = arguments.text("title", title, "words", empty=True)
     if output is None:
         target = default_output(sources.inputs)
     else:
         target = arguments.path("output", output, "the path of a page")
-    with saved(target, force, sources.inputs) as staged:
+    with save_output(target, force, sources.inputs) as staged:
         name, text = _page(sources, heading)
         staged.write_text(text, encoding="utf-8")
     return Report(target, name, len(text.encode()), tuple(sources.notes))
@@ -180,7 +180,7 @@ def default_output(inputs: Sequence[Path]) -> Path:
     """
     from imu_sim_ros.reports.campaign import is_campaign
 
-    path = named(inputs[0])
+    path = resolve_name(inputs[0])
     if is_campaign(path):
         return path / "report.html"
     if not path.name:
@@ -236,7 +236,7 @@ def _sections(sources: Sources) -> tuple[list[str], list[Section]]:
     sections: list[Section] = []
     problems = Problems()
     for path in (*sources.inputs, *sources.baselines):
-        with problems.gathered():
+        with problems.collect():
             if not path.exists():
                 raise InputError(f"{path}: no such file or folder")
     inputs, baselines = (
@@ -245,7 +245,7 @@ def _sections(sources: Sources) -> tuple[list[str], list[Section]]:
     while inputs:
         path = inputs.pop(0)
         if is_campaign(path):
-            with problems.gathered():
+            with problems.collect():
                 anyway = sources.baseline_anyway
                 title, campaign_parts = campaign_sections(
                     path, sources.metric, baselines, baseline_anyway=anyway
@@ -260,7 +260,7 @@ def _sections(sources: Sources) -> tuple[list[str], list[Section]]:
             estimates = []
             while inputs and _is_poses(inputs[0]):
                 estimates.append(inputs.pop(0))
-            with problems.gathered():
+            with problems.collect():
                 titles.append(path.name)
                 of_bag = _bag(sources, path, estimates)
                 if len(sources.inputs) > 1 + len(estimates):  # links need the name of the bag
@@ -284,7 +284,7 @@ def _poses_alone(sources: Sources, path: Path) -> States | None:
     except InputError:
         with suppress(InputError):
             states = read_states(path, None, sources.skip_bad_rows, minimum=2, ordered=False)
-            return with_fields(states, source=path.name)
+            return replace_fields(states, source=path.name)
     return None
 
 
@@ -302,7 +302,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
 
     def read(source: Path, topic: str | None, name: str) -> States:
         states = read_trajectory(source, topic, True, sources.skip_bad_rows)
-        return with_fields(states, source=name)
+        return replace_fields(states, source=name)
 
     truth: States | None = None
     estimates: list[States] = []
@@ -310,12 +310,12 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     sensors: list[Section] = []
     problems = Problems()
     poses = _poses_alone(sources, path)
-    with problems.gathered():
+    with problems.collect():
         truth_name = truth_topic(path, sources.truth_topic)
         if poses is not None:
             if poses.skipped:
                 tell_skipped(path)(poses.skipped)
-            estimates.append(in_order(poses, sources.skip_bad_rows))
+            estimates.append(sort_poses(poses, sources.skip_bad_rows))
         elif not has_topics(path):
             truth = read(path, None, "truth") if has_truth(path) else None
         else:
@@ -331,15 +331,16 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
                     estimates.append(read(path, topic, topic))
             if sources.truth_topic and truth is None:
                 raise InputError(
-                    f"{path}: {stated('truth_topic', sources.truth_topic)}: no such Odometry"
+                    f"{path}: {argument_prefix('truth_topic', sources.truth_topic)}: no such "
+                    "Odometry"
                 )
             sensors = gnss_sections(path) + sensor_sections(path) + cloud_sections(path)
     for file in files:
-        with problems.gathered():
+        with problems.collect():
             estimates.append(read(file, None, file.name))
     skipped = tell_skipped(path) if sources.skip_bad_rows else None
     readings: list[Section] = []
-    with problems.gathered():
+    with problems.collect():
         if poses is None:
             readings = reading_sections(path, sources.choice, sources.notes, skipped)
     problems.tell()
@@ -363,7 +364,7 @@ def _findings(sources: Sources, path: Path, files: Sequence[Path]) -> Section:
         accel_unit=choice.accel_unit,
         skip_bad_rows=sources.skip_bad_rows,
     )
-    return finding_section(inspection.findings, f"{path.name}: findings")
+    return findings_section(inspection.findings, f"{path.name}: findings")
 
 
 def _separate_truths(topics: Sequence[str]) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Final, TypeAlias
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.names import ros_name
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.parameters import files
 
 Segments: TypeAlias = str | Sequence[str] | Mapping[str, Mapping[str, object]]
@@ -28,11 +28,11 @@ def segment_layer(segments: object, file: object) -> tuple[dict[str, object], di
     :raises InputError: for a file that cannot be read.
     """
     of_imus: Mapping[object, object] = segments if isinstance(segments, Mapping) else {}
-    names = arguments.words("segments", [*of_imus] if of_imus else segments)
+    names = arguments.string_list("segments", [*of_imus] if of_imus else segments)
     if names == (ALL,):
         if not isinstance(file, str) or not file:
             raise ConfigurationError(
-                f"{stated('segments', ALL)}: needs a trajectory file that has segments"
+                f"{argument_prefix('segments', ALL)}: needs a trajectory file that has segments"
             )
         names = _segments_of(Path(file))
     layer: dict[str, object] = {}
@@ -41,16 +41,16 @@ def segment_layer(segments: object, file: object) -> tuple[dict[str, object], di
         imu = ros_name(name)
         if imu in imus:
             raise ConfigurationError(
-                f"{stated('segments')}: {imus[imu]} and {name}: two IMUs named {imu}"
+                f"{argument_prefix('segments')}: {imus[imu]} and {name}: two IMUs named {imu}"
             )
         imus[imu] = name
         layer[f"{imu}.segment"] = name
         if of_imus.get(name):
-            parameters = files.dotted(of_imus[name], f"segments.{name}")
+            parameters = files.dotted_values(of_imus[name], f"segments.{name}")
             layer |= {f"{imu}.imu.{key}": value for key, value in parameters.items()}
     if not imus:
         raise ConfigurationError(
-            f"{stated('segments')}: none; the file has none, or the list is empty"
+            f"{argument_prefix('segments')}: none; the file has none, or the list is empty"
         )
     return {"imus": [*imus], **layer}, imus
 

@@ -54,7 +54,7 @@ def input_lines(notes: Sequence[str]) -> Iterator[str]:
     return (f"input: {note}" for note in notes)
 
 
-def checked_choice(
+def check_choice(
     topic: str | None,
     frame: str | None,
     gyro_topic: str | None,
@@ -83,9 +83,9 @@ def checked_choice(
     if frame is not None:
         frame = arguments.text("frame", frame, "a name")
     if gyro_unit is not None:
-        arguments.one_of("gyro_unit", gyro_unit, tuple(GYRO_UNITS))
+        arguments.choice("gyro_unit", gyro_unit, tuple(GYRO_UNITS))
     if accel_unit is not None:
-        arguments.one_of("accel_unit", accel_unit, tuple(ACCEL_UNITS))
+        arguments.choice("accel_unit", accel_unit, tuple(ACCEL_UNITS))
     chosen = {"frame": frame, "gyro_unit": gyro_unit, "accel_unit": accel_unit}
     for name, value in chosen.items() if not of_a_file else ():
         if value is not None:

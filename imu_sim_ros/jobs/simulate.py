@@ -20,15 +20,15 @@ from imu_sim_ros.core.arguments import number, refuse
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, warn
 from imu_sim_ros.core.names import nearest
 from imu_sim_ros.core.records import States
-from imu_sim_ros.core.spelling import argument, stated
+from imu_sim_ros.core.spelling import argument, argument_prefix
 from imu_sim_ros.core.types import AnyArray, Array
 from imu_sim_ros.formats.poses import poses_of_any_file
 from imu_sim_ros.jobs.flight import Flight, Source
-from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
+from imu_sim_ros.jobs.readings import check_poses, check_sensors, poses_of_rows
 from imu_sim_ros.jobs.segments import Segments, segment_layer
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
-from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
+from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_value_lines
 from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu import presets
@@ -148,7 +148,8 @@ def simulate(
     limit = memory * len(first_block[imus_in(body.sensors)[0]].t_ns) // _bytes(first_block)
     if samples > limit:
         raise ConfigurationError(
-            f"{stated('duration')}: its {samples} samples, with those of all sensors, do not fit "
+            f"{argument_prefix('duration')}: its {samples} samples, with those of all sensors, do "
+            "not fit "
             f"into memory, which has room for {limit}; blocks() yields them piece by piece"
         )
     motion = body.parameters.trajectory.type
@@ -247,23 +248,25 @@ def _body(
     sensor_names = frozenset[str]()
     problems = Problems()
     if params_file is not None:
-        with problems.gathered(hanging=""):
-            file_values, sensor_names = _of_file(arguments.path("params_file", params_file))
+        with problems.collect(hanging=""):
+            file_values, sensor_names = _parameters_of_file(
+                arguments.path("params_file", params_file)
+            )
     values, overrides, motion = argument_layers(
         imu, trajectory, duration, rate, seed, parameters, problems
     )
     values |= overrides
     if sensors is not None:
-        sensor_names = checked_sensors(sensors, {**file_values, **values})
+        sensor_names = check_sensors(sensors, {**file_values, **values})
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
         values["sensors"] = sorted(name for name in sensor_names if name not in quantities)
     segment_values, imu_names = dict[str, object](), dict[str, str]()
     if segments is not None:
         file = values.get("trajectory.file", file_values.get("trajectory.file"))
-        with problems.gathered():
+        with problems.collect():
             segment_values, imu_names = segment_layer(segments, file)
     layers = {**file_values, **segment_values, **values}
-    with with_poses(layers, motion, segments is not None):
+    with collect_pose_problems(layers, motion, segments is not None):
         built = load_simulation(layers, problems=problems)
     for listing, names, supported in (
         ("imus", () if imu_names else built.imus, "one IMU"),
@@ -281,7 +284,7 @@ def _body(
     body = Body(built, motion.pose_reader, trajectory=moving, sensors=body_sensors)
     if body.total is None:
         raise ConfigurationError(
-            f"{stated('duration')}: this trajectory has no end; give one, "
+            f"{argument_prefix('duration')}: this trajectory has no end; give one, "
             f"{argument('duration', 60, 's')}"
         )
     for line in body.warnings():
@@ -290,7 +293,7 @@ def _body(
 
 
 @contextmanager
-def with_poses(
+def collect_pose_problems(
     layers: Mapping[str, object], motion: GivenMotion, has_segments: bool
 ) -> Iterator[None]:
     """Add the problems of reading poses to those of the parameters.
@@ -306,7 +309,7 @@ def with_poses(
         file, topic = layers.get("trajectory.file"), layers.get("trajectory.topic")
         poses = Problems()
         if isinstance(file, str) and file and not has_segments:
-            with poses.gathered(), warnings.catch_warnings():
+            with poses.collect(), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 motion.pose_reader(file, *((str(topic),) if topic else ()))
         if not poses:
@@ -330,19 +333,20 @@ def argument_layers(
     """
     flat, overrides = keyword_parameters(parameters)
     values, motion = dict[str, object](), GivenMotion({})
-    with problems.gathered():
+    with problems.collect():
         values |= imu_parameters(imu)
-    with problems.gathered(hanging="trajectory."):
+    with problems.collect(hanging="trajectory."):
         motion = _motion(trajectory)
     values |= {**flat, **motion.parameters}
     if "trajectory.type" not in flat:  # else they describe another motion
         values.update({n: value for n, value in flat.items() if n.startswith("trajectory.")})
     scalars = {"rate": rate, "seed": seed}
-    with problems.gathered():
+    with problems.collect():
         scalars["duration"] = _seconds(duration)
     values.update({name: value for name, value in scalars.items() if value is not None})
     problems += [
-        f"{stated(name, f'{scalars[name]:g}')} and parameter {name} = {overrides[name]}: two "
+        f"{argument_prefix(name, f'{scalars[name]:g}')} and parameter {name} = {overrides[name]}: "
+        "two "
         "values; give one of them"
         for name in scalars
         if name in overrides
@@ -359,13 +363,13 @@ def _seconds(duration: float | str | None) -> float | None:
         try:
             return timebase.parse_duration(duration)
         except ValueError as error:
-            raise ConfigurationError(f"{stated('duration')}: {error}") from None
+            raise ConfigurationError(f"{argument_prefix('duration')}: {error}") from None
     if duration is None:
         return None
     return number("duration", duration, "seconds, or words such as '2h'", 0.0)
 
 
-def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
+def _parameters_of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     """Return the simulation's parameters of a file, and the sensors that it publishes.
 
     A parameter file of the node simulator is accepted, too.
@@ -373,7 +377,7 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     values = presets.load(path)
     of_node = live_parameter_names(values)
     declared = {**OF_EVERY_NODE, **described(SimulatorParameters)}
-    problems = bad_values(declared, {name: values[name] for name in of_node}).values()
+    problems = bad_value_lines(declared, {name: values[name] for name in of_node}).values()
     if problems:
         raise ConfigurationError([f"{path}: {line}" for line in problems])
     unset = [name for name in ("imus", "cameras") if values.get(name) in ((), [], EMPTY_LIST)]
@@ -403,7 +407,7 @@ def _motion(trajectory: object) -> GivenMotion:
         trajectory = poses_of_rows(trajectory)
     if isinstance(trajectory, States):
         parameters = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
-        poses = checked_poses("trajectory", trajectory)
+        poses = check_poses("trajectory", trajectory)
 
         def given_poses(_: object, topic: str | None = None, *__: object) -> States:
             if topic is not None:
@@ -412,7 +416,7 @@ def _motion(trajectory: object) -> GivenMotion:
 
         return GivenMotion(parameters, given_poses)
     if isinstance(trajectory, Mapping):
-        flat = files.dotted(trajectory, "trajectory")
+        flat = files.dotted_values(trajectory, "trajectory")
         return GivenMotion({f"trajectory.{name}": value for name, value in flat.items()})
     if isinstance(trajectory, str | PathLike):
         path = arguments.path("trajectory", trajectory, "a name or the path of a file")
@@ -441,7 +445,7 @@ def imu_parameters(imu: object) -> dict[str, object]:
     if imu is None:
         return {}
     if isinstance(imu, Mapping):
-        parameters = files.dotted(imu, "imu")
+        parameters = files.dotted_values(imu, "imu")
         # A model of Gazebo states these with its sensor (from_sdf).
         run_parameters: dict[str, object] = {
             name: parameters.pop(name) for name in ("rate", "imu_frame") if name in parameters
@@ -463,7 +467,7 @@ def keyword_parameters(
         argument = nearest(name, _ARGUMENTS, 0.8)
         if argument is not None and not _is_parameter(name):
             raise ConfigurationError(f"{name}: unknown argument; did you mean {argument}?")
-    return files.dotted(keywords, "parameters"), files.dotted(overrides, "parameters")
+    return files.dotted_values(keywords, "parameters"), files.dotted_values(overrides, "parameters")
 
 
 _ARGUMENTS: Final = (

@@ -28,7 +28,7 @@ def truth_topic(path: Path, topic: str | None) -> str | None:
     return candidates[0] if len(candidates) == 1 else None
 
 
-def assumed_truth(path: Path, topic: str | None) -> str | None:
+def assume_truth_topic(path: Path, topic: str | None) -> str | None:
     """Return the topic of the truth: as :func:`truth_topic`, else the only one of Odometry.
 
     That may be an estimate, such as ``wheel/odom``; a remark names it.

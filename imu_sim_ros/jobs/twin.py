@@ -34,12 +34,12 @@ from imu_sim_ros.calibration.twin.parameters import (
 )
 from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
 from imu_sim_ros.core import arguments
-from imu_sim_ros.core.arguments import number, suggest_keywords, whole
+from imu_sim_ros.core.arguments import integer, number, suggest_keywords
 from imu_sim_ros.core.conventions import GRAVITY
 from imu_sim_ros.core.errors import InputError, Problems, system_error
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.rotation import from_matrix, log
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import Array, JsonObject, Mask
 from imu_sim_ros.jobs.calibrate import Calibrated
 from imu_sim_ros.jobs.calibration_text import twin_lines
@@ -53,13 +53,13 @@ from imu_sim_ros.jobs.selection import (
     GyroUnit,
     input_lines,
 )
-from imu_sim_ros.jobs.twin_check import Check, check, flown_again, simulation
-from imu_sim_ros.jobs.twin_recording import TwinRecording, moving, recorded
-from imu_sim_ros.jobs.writing import SkipBadRows, saved
+from imu_sim_ros.jobs.twin_check import Check, check, compare_with_twin, simulation
+from imu_sim_ros.jobs.twin_recording import TwinRecording, rows_in_motion, spline_recording
+from imu_sim_ros.jobs.writing import SkipBadRows, save_output
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.sensors.imu.vibration import MotionSize
-from imu_sim_ros.terminal.json_text import plain
+from imu_sim_ros.terminal.json_text import plain_types
 from imu_sim_ros.terminal.text_tables import TextTable
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class Trust(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def judged(fit: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
+def judge_fit(fit: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
     """Return the trustworthy part of a fit.
 
     :param disagreement: (42,) between fits to parts of the recording, in standard errors.
@@ -130,12 +130,12 @@ def judged(fit: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
     undetermined = tuple(
         NAMES[k] for k in range(model.GYROSCOPE.start, model.BIAS.start) if weak[k]
     )
-    warnings = [*_of_noise(fit, reported, noise), *_of_quarters(disagree, larger)]
+    warnings = [*_noise_lines(fit, reported, noise), *_quarter_lines(disagree, larger)]
     warnings += _contradictions(wider)
     return Trust(wider, reported, undetermined, tuple(warnings))
 
 
-def _of_noise(fit: Fit, reported: Mask, noise: PoseNoise) -> Iterator[str]:
+def _noise_lines(fit: Fit, reported: Mask, noise: PoseNoise) -> Iterator[str]:
     """Yield lines about errors that the noise of the poses hides, or has shifted."""
     angle, distance = 1e3 * noise.deviation
     poses = f"noise of the poses, {distance:.2g} mm and {angle:.2g} mrad"
@@ -148,7 +148,7 @@ def _of_noise(fit: Fit, reported: Mask, noise: PoseNoise) -> Iterator[str]:
         yield f"corrected for the {poses}, in standard errors: {', '.join(sizes)}"
 
 
-def _of_quarters(disagree: Mask, larger: Array) -> Iterator[str]:
+def _quarter_lines(disagree: Mask, larger: Array) -> Iterator[str]:
     """Yield a line about errors that differ between quarters of the recording."""
     if disagree.any():
         sizes = [f"{NAMES[k]} ({larger[k]:.0f} times)" for k in np.flatnonzero(disagree)]
@@ -244,7 +244,7 @@ class Twin:
         analysis, noise = self.analysis, self.source.noise
         white, bands, lines = analysis.white, analysis.bands, analysis.lines
         density = np.where(bands.freedom < _LEAST_FREEDOM, np.nan, bands.density)
-        result: dict[str, object] = plain(
+        result: dict[str, object] = plain_types(
             {
                 "rate_hz": self.source.recording.rate,
                 "seconds": self.source.seconds,
@@ -296,7 +296,7 @@ class Twin:
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
-        with saved(path, force) as staged:
+        with save_output(path, force) as staged:
             self.write(staged)
         return Path(path)
 
@@ -318,7 +318,7 @@ class Twin:
 
         real, simulated = self.flown()
         name = Path(self.source.name).name
-        return pictures.draw(real, simulated, self.source.recording.rate, name)
+        return pictures.draw_spectra(real, simulated, self.source.recording.rate, name)
 
     def flown(self, seed: int = 0) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """Return times (n,) and residuals (n, 6) of the real sensor, and those of the twin.
@@ -329,7 +329,7 @@ class Twin:
         if self.check is not None and seed == 0:
             real, simulated = self.check.flown
             return (real.t, real.residuals), (simulated.t, simulated.residuals)
-        return flown_again(self.source, self.analysis.fit, self.parameters, seed)
+        return compare_with_twin(self.source, self.analysis.fit, self.parameters, seed)
 
     def simulate(self, seed: int = 0) -> Flight:
         """Return the twin's flight along the truth, at the truth's times.
@@ -393,8 +393,8 @@ def twin(
     True
     """
     _check_numbers(fit, gravity, cutoff, max_offset)
-    arguments.switch("skip_bad_rows", skip_bad_rows)
-    source = recorded(
+    arguments.boolean("skip_bad_rows", skip_bad_rows)
+    source = spline_recording(
         recording,
         truth,
         gravity=gravity,
@@ -416,12 +416,12 @@ def _build_twin(source: TwinRecording, fit: float | None) -> Twin:
     whole = source.recording
     used, held_out = whole, None
     if fit is not None:
-        used, held_out = _split(whole, fit, source.name)
+        used, held_out = _split_at(whole, fit, source.name)
     fitted = constant_errors(used, source.sharp_truth, perfect(source.r_ib, source.offset))
     _check_likeness(source, used, fitted)
     check_settled(source, fitted)
     validation = cross_validate(used, source.sharp_truth, fitted)
-    trust = judged(fitted, validation.disagreement, source.noise)
+    trust = judge_fit(fitted, validation.disagreement, source.noise)
     # Above the cut-off, motion counts as vibration.
     fast = fast_part(used, source.sharp_truth, source.truth, fitted)
     with_vibration = trust.fit._replace(residuals=fitted.residuals + fast)
@@ -438,7 +438,7 @@ def _build_twin(source: TwinRecording, fit: float | None) -> Twin:
         errors,
         trust.undetermined,
         trust.given,
-        (*source.without_truth(), *trust.warnings),
+        (*source.coverage_lines(), *trust.warnings),
         parameters,
         analysis,
         checked,
@@ -481,7 +481,7 @@ def check_settled(source: TwinRecording, fit: Fit) -> None:
 
 
 def _check_seed(seed: int) -> None:
-    whole("seed", seed, "an integer of at least 0", 0, 2**63 - 1)
+    integer("seed", seed, "an integer of at least 0", 0, 2**63 - 1)
 
 
 def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset: float) -> None:
@@ -495,17 +495,17 @@ def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset:
         limits.append(("fit", fit, _LEAST_FIT, 1e7, "s"))
     problems = Problems()
     for name, value, low, high, unit in limits:
-        with problems.gathered():
+        with problems.collect():
             number(name, value, f"between {low:g} and {high:g} {unit}", low, high)
     problems.tell()
 
 
-def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Recording]:
+def _split_at(whole: Recording, seconds: float, name: str) -> tuple[Recording, Recording]:
     """Return the first seconds of a recording, and the remainder."""
     begin, end = float(whole.stamps[0]), float(whole.stamps[-1])
     if end - begin - seconds < _LEAST_FIT:
         raise InputError(
-            f"{stated('fit', f'{seconds:g}')}: must leave {_LEAST_FIT:g} s of the "
+            f"{argument_prefix('fit', f'{seconds:g}')}: must leave {_LEAST_FIT:g} s of the "
             f"{end - begin:.4g} s of {name} "
             "to compare the twin with"
         )
@@ -527,7 +527,7 @@ def _analyse_residuals(source: TwinRecording, used: Recording, fit: Fit, unseen:
 
     noises = noise_residuals(used, source.truth, fit)
     size = (norms[0], norms[1], norms[2])
-    rows = moving(motion) & vibration_mask(used.readings, used.pieces, used.rate)
+    rows = rows_in_motion(motion) & vibration_mask(used.readings, used.pieces, used.rate)
     return analyse(used, fit, unseen, noises, sizes, size, rows)
 
 

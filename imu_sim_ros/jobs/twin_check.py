@@ -18,7 +18,7 @@ from imu_sim_ros.calibration.twin.model import Errors
 from imu_sim_ros.calibration.twin.pose_noise import noise_over, scatter
 from imu_sim_ros.core import rotation, timebase
 from imu_sim_ros.core.types import Array, JsonObject
-from imu_sim_ros.jobs.twin_recording import TwinRecording, moving
+from imu_sim_ros.jobs.twin_recording import TwinRecording, rows_in_motion
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.mount import mount_at
 from imu_sim_ros.navigation.state import NavigationState
@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.terminal.json_text import plain
+from imu_sim_ros.terminal.json_text import plain_types
 from imu_sim_ros.trajectory.motion import Motion
 
 WINDOWS: Final = (1.0, 2.0, 5.0)
@@ -98,7 +98,7 @@ class Check:
 
     def to_dict(self) -> JsonObject:
         """Return the numbers by name; None if there is none."""
-        return plain(
+        return plain_types(
             {
                 "seconds": self.seconds,
                 "bands_hz": [list(band) for band in comparison.BANDS],
@@ -136,7 +136,7 @@ def check(
     rate = part.rate
     twins = [_simulate_twin(source, real.t, fit.errors, parameters, seed) for seed in range(seeds)]
     noise = _truth_noise(source, fit, analysis.parts, twins[0].t)
-    twins = [_with_truth_noise(twin, noise, rate, source.cutoff) for twin in twins]
+    twins = [_add_truth_noise(twin, noise, rate, source.cutoff) for twin in twins]
     ends = [(real.t[p.start], real.t[p.stop - 1]) for p in parts]
     flown = [slice(*np.searchsorted(twins[0].t, end).tolist()) for end in ends]
     levels = comparison.levels(real.residuals, parts, rate)
@@ -186,7 +186,7 @@ def _truth_noise(source: TwinRecording, fit: Fit, parts: tuple[slice, ...], t: A
     return noise_over(times, noise, (float(stamps[0]), float(stamps[-1])), t)
 
 
-def _with_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> Flown:
+def _add_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> Flown:
     """Return a twin's readings whose residual from 1 Hz to nearly the cut-off follows the truth's.
 
     There, above its slow errors and below vibration, a residual is mostly the truth's noise.
@@ -201,7 +201,7 @@ def _with_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> 
 
 def _parts(source: TwinRecording, t: Array, part: Recording) -> list[slice]:
     """Return the rows in motion, piece by piece."""
-    rows = moving(source.motion(t)) & intensity.vibration_mask(
+    rows = rows_in_motion(source.motion(t)) & intensity.vibration_mask(
         part.readings, part.pieces, part.rate
     )
     result = []
@@ -280,7 +280,7 @@ def _imu_motion(source: TwinRecording, t: Array, errors: Errors, world: Array) -
     return motion._replace(position=imu.position, velocity=imu.velocity, q_wb=imu.q_wb)
 
 
-def flown_again(
+def compare_with_twin(
     source: TwinRecording, fit: Fit, parameters: dict[str, Value], seed: int
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return times and residuals of the part that was fitted, and those of a twin on it."""

@@ -26,11 +26,11 @@ from imu_sim_ros.core import arguments, timebase
 from imu_sim_ros.core.arguments import BAG_OR_FILE
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError, Problems, warn
-from imu_sim_ros.core.records import Readings, States, with_fields
+from imu_sim_ros.core.records import Readings, States, replace_fields
 from imu_sim_ros.core.rotation import to_matrix
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import HasPoses, checked_poses, judged
+from imu_sim_ros.jobs.readings import HasPoses, check_poses, judge_readings
 from imu_sim_ros.jobs.selection import NOTHING, Selection
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.catalogue import pose_findings
@@ -104,7 +104,7 @@ class TwinRecording(NamedTuple):
         """Time of the readings with a truth [s]."""
         return float(np.ptp(self.recording.stamps))
 
-    def without_truth(self) -> tuple[str, ...]:
+    def coverage_lines(self) -> tuple[str, ...]:
         """Return a line if the truth covers a part of the readings only."""
         if self.given_s - self.seconds < _UNSAID:
             return ()
@@ -124,7 +124,7 @@ class TwinRecording(NamedTuple):
     @property
     def truth(self) -> KnownMotion:
         """Known motion up to the cut-off; the rest counts as vibration."""
-        return self._known_motion(self.trajectory, *self.noisy)
+        return self._motion_along_path(self.trajectory, *self.noisy)
 
     @property
     def sharp_truth(self) -> KnownMotion:
@@ -133,9 +133,9 @@ class TwinRecording(NamedTuple):
         A spline that is smooth above the cut-off lacks 0.3 % of the rates at half of it already,
         and the products of what it lacks above are slow specific forces.
         """
-        return self._known_motion(*self.sharp)
+        return self._motion_along_path(*self.sharp)
 
-    def _known_motion(self, trajectory: Trajectory, *noisy: Trajectory) -> KnownMotion:
+    def _motion_along_path(self, trajectory: Trajectory, *noisy: Trajectory) -> KnownMotion:
         """Return the motion along a path, and along the same path with noise."""
         motion_at, *noisy_motions = (
             partial(self._motion_along, path) for path in (trajectory, *noisy)
@@ -155,13 +155,13 @@ def body_motion(motion: Motion, gravity: float) -> BodyMotion:
     return BodyMotion(motion.angular_velocity, force, motion.angular_acceleration, r_bw)
 
 
-def moving(motion: Motion) -> Mask:
+def rows_in_motion(motion: Motion) -> Mask:
     """Return which rows (n,) of a motion are no rest."""
     rate, speed = (np.linalg.norm(v, axis=1) for v in (motion.angular_velocity, motion.velocity))
     return (rate > _STILL[0]) | (speed > _STILL[1])
 
 
-def recorded(
+def spline_recording(
     recording: Flight | Readings | str | Path,
     truth: HasPoses | str | Path,
     *,
@@ -178,21 +178,21 @@ def recorded(
     :raises InputError: with a line for each reason why there is no twin.
     """
     problems = Problems()
-    with problems.gathered():
+    with problems.collect():
         skip = skip_bad_rows
         readings = readings_of("recording", recording, topic, "topic", skip, selection)
-        readings = judged(readings, TWIN)
+        readings = judge_readings(readings, TWIN)
         _check(readings)
-    with problems.gathered():
+    with problems.collect():
         poses, name = _poses(truth, truth_topic, skip_bad_rows)
     problems.tell()
     TWIN.judge(pose_findings(poses), warn)
     splines = _Splines(poses, name)
     noise, highest = splines.noise(cutoff)
     visible = float(np.clip(_ROOM * highest, min(_LOWEST, cutoff), cutoff))
-    paths = splines.drawn(noise, visible)
+    paths = splines.draw_splines(noise, visible)
     # Noise hides what smoothing takes, unless motion stands out of it up to the cut-off.
-    sharp = paths if highest < cutoff else splines.drawn(noise, _SHARP * cutoff)
+    sharp = paths if highest < cutoff else splines.draw_splines(noise, _SHARP * cutoff)
     trajectory, *noisy = paths
     duration = min(trajectory.duration, float(splines.t[-1]))
     t0_ns = int(poses.t_ns[0])
@@ -231,7 +231,7 @@ class _Splines:
         self.t = timebase.seconds_since(poses.t_ns, int(poses.t_ns[0]))
         self._poses, self._name = poses, name
         motion = self._spline(poses, _SMOOTH).sample(self.t)
-        self._smooth = with_fields(poses, position=motion.position, q_wb=motion.q_wb)
+        self._smooth = replace_fields(poses, position=motion.position, q_wb=motion.q_wb)
 
     def noise(self, cutoff: float) -> tuple[PoseNoise, float]:
         """Return the poses' noise, and the highest frequency [Hz] at which motion exceeds it.
@@ -246,11 +246,11 @@ class _Splines:
             return noise, np.inf
         signal, *noisy = (
             np.concatenate([m.angular_velocity, m.acceleration], axis=1)
-            for m in (spline.sample(times) for spline in self.drawn(noise, cutoff))
+            for m in (spline.sample(times) for spline in self.draw_splines(noise, cutoff))
         )
         return noise, highest_motion(signal, noisy, 4.0 * cutoff)
 
-    def drawn(self, noise: PoseNoise, cutoff: float) -> list[Trajectory]:
+    def draw_splines(self, noise: PoseNoise, cutoff: float) -> list[Trajectory]:
         """Return the spline through the poses, and those with more noise."""
         result = [self._spline(self._poses, cutoff)]
         if noise.is_present:
@@ -299,7 +299,7 @@ def _place_on_truth(
     if problems:
         raise InputError([f"{readings.source}: {problem}" for problem in problems])
     return half._replace(
-        recording=_in_pieces(stamps, y, readings.source),
+        recording=_cut_into_pieces(stamps, y, readings.source),
         offset=offset,
         r_ib=fit_mounting(y[:, :3], y[:, 3:], motion),
     )
@@ -316,7 +316,7 @@ def _poses(
         topic = arguments.topic("truth_topic", topic)
         return read_trajectory(path, topic, False, skip_bad_rows), f"the truth {truth}"
     arguments.topic("truth_topic", topic, of_a_file=False)
-    return checked_poses("truth", truth), "the truth"
+    return check_poses("truth", truth), "the truth"
 
 
 def _check(readings: Readings) -> None:
@@ -337,7 +337,7 @@ def _common(stamps: Array, duration: float) -> float:
     return max(min(float(stamps[-1]), duration) - max(float(stamps[0]), 0.0), 0.0)
 
 
-def _in_pieces(stamps: Array, readings: Array, name: str) -> Recording:
+def _cut_into_pieces(stamps: Array, readings: Array, name: str) -> Recording:
     """Return a recording without repeated stamps, short losses filled, cut at long ones.
 
     :raises InputError: if no piece is long enough for a spectrum.

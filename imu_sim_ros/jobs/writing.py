@@ -24,8 +24,8 @@ from imu_sim_ros.core import arguments
 from imu_sim_ros.core.bad_rows import BadRows, Skipped, Warned
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.spelling import argument
-from imu_sim_ros.terminal.progress import watcher
-from imu_sim_ros.terminal.signatures import Heading, Text, assignment
+from imu_sim_ros.terminal.progress import current_watcher
+from imu_sim_ros.terminal.signatures import Heading, Text, parse_assignment
 
 _OUTPUT_PATH: Final = "the path of an output"
 _LONGEST_SIZE: Final = 20
@@ -44,7 +44,7 @@ def size(text: str) -> int:
     return round(float(match[1]) * _SIZE_UNITS[match[2]])
 
 
-def renaming(text: str) -> tuple[str, str]:
+def parse_renaming(text: str) -> tuple[str, str]:
     """Return both names of ``old=new``.
 
     :raises ValueError: for anything else.
@@ -88,7 +88,7 @@ SplitSize = Annotated[
 Rename = Annotated[
     Mapping[str, str] | None,
     "--topic NAME=NEW",
-    renaming,
+    parse_renaming,
     Text("rename a topic in the bag, e.g. imu/data_raw=/imu0; repeatable"),
     OUTPUT,
 ]
@@ -111,7 +111,7 @@ ParameterFiles = Annotated[
 Parameters = Annotated[
     Any,
     "--set KEY=VALUE",
-    assignment,
+    parse_assignment,
     Text("set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable"),
     PARAMETERS,
 ]
@@ -136,7 +136,7 @@ class Form:
     """Names in the bag by the topics' own."""
 
 
-def checked_form(
+def form_of_output(
     formats: Collection[str],
     output: str | Path,
     format: str | None,
@@ -153,15 +153,15 @@ def checked_form(
     limited = (("format", format, formats), ("storage", options.storage, STORAGES))
     for name, value, allowed in (*limited, ("compression", options.compression, COMPRESSED)):
         if value is not None:
-            arguments.one_of(name, value, allowed)
+            arguments.choice(name, value, allowed)
     length, size_limit = options.split_duration, options.split_size
     bag = options._replace(
         split_duration=arguments.number(
             "split_duration", length, "seconds, from 0 to 1e9", 0.0, 1e9
         ),
-        split_size=arguments.whole("split_size", size_limit, "bytes, 0 or more", 0, 1 << 62),
+        split_size=arguments.integer("split_size", size_limit, "bytes, 0 or more", 0, 1 << 62),
     )
-    written, renamed = arguments.words("topics", topics), renamed_topics(rename)
+    written, renamed = arguments.string_list("topics", topics), rename_topics(rename)
     path = arguments.path("path", output, _OUTPUT_PATH)
     if not path.name:  # the files next to it are named after it
         raise InputError(f"{str(path)!r}: is not a file name")
@@ -179,7 +179,7 @@ def checked_form(
     return path, Form(dataset, bag, written, renamed)
 
 
-def renamed_topics(names: Mapping[str, str] | None) -> Mapping[str, str]:
+def rename_topics(names: Mapping[str, str] | None) -> Mapping[str, str]:
     """Return names in a bag by the topics' own, the argument ``rename``."""
     if names is None:
         return {}
@@ -216,7 +216,7 @@ class Journal:
         """Warnings and remarks."""
         self.notes: list[str] = []
         self._source, self._skips = source, skip_bad_rows
-        self._watcher = watcher()
+        self._watcher = current_watcher()
 
     @property
     def skipped(self) -> Skipped | None:
@@ -260,14 +260,14 @@ def outputs(force: bool, discard_partial: bool, inputs: Iterable[object]) -> Out
     :param inputs: paths of inputs, and strings that may be names of files.
     :raises ConfigurationError: for arguments that are no switch.
     """
-    arguments.switch("discard_partial", discard_partial)
-    arguments.switch("force", force)
+    arguments.boolean("discard_partial", discard_partial)
+    arguments.boolean("force", force)
     input_files = [name for name in inputs if isinstance(name, Path) or is_file(name)]
     return Outputs(input_files, force, discard_partial)
 
 
 @contextmanager
-def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Iterator[Path]:
+def save_output(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Iterator[Path]:
     """Yield the path for writing an output, which is renamed into place at the end of the block.
 
     Parents are created. After an error, an existing output is unchanged. Every ``save`` writes so.
@@ -277,10 +277,10 @@ def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Itera
     :raises ConfigurationError: for arguments of ``save`` that are no path and no switch.
     :raises InputError: for a path that cannot be used or exists.
     """
-    arguments.switch("force", force)
+    arguments.boolean("force", force)
     written = Outputs([word for word in inputs if is_file(word)], force)
     target = written.add(arguments.path("path", path, _OUTPUT_PATH))
-    with written.staged():
+    with written.stage():
         yield target.path
 
 
@@ -292,7 +292,7 @@ def is_file(path: object) -> TypeGuard[str | Path]:
         return False
 
 
-def counts(messages: Mapping[str, int]) -> str:
+def count_texts(messages: Mapping[str, int]) -> str:
     """Return the numbers of messages by topic as text."""
     return ", ".join(f"{count:,} {name}" for name, count in messages.items())
 

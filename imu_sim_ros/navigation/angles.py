@@ -27,7 +27,7 @@ from imu_sim_ros.core.components import (
     where,
 )
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.navigation.increments import (
     Ends,
@@ -60,7 +60,8 @@ def gimbal_lock(seconds: float) -> InputError:
     :param seconds: from the first reading to the end of the interval.
     """
     return InputError(
-        f"{stated('euler_angles')}: the pitch is near gimbal lock at 90 degrees, {seconds:.6g} s "
+        f"{argument_prefix('euler_angles')}: the pitch is near gimbal lock at 90 degrees, "
+        f"{seconds:.6g} s "
         "after the first reading; use so3 or quaternion"
     )
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.names import suggestion
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import States, replace_fields
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.recordings.order import POSES_GAP, gap_length, longest_step_ns
@@ -121,7 +121,7 @@ class Alignment(NamedTuple):
         velocity = poses.velocity
         if velocity is not None:
             velocity = self.scale * velocity @ self.r.T
-        return with_fields(poses, position=position, q_wb=q_wb, velocity=velocity)
+        return replace_fields(poses, position=position, q_wb=q_wb, velocity=velocity)
 
 
 def align(estimate: Array, truth: Array, kind: str) -> Alignment:

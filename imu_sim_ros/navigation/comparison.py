@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from imu_sim_ros.core.arguments import number, one_of
-from imu_sim_ros.core.blocks import squared_lengths
+from imu_sim_ros.core.arguments import choice, number
+from imu_sim_ros.core.blocks import squared_vector_lengths
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.timebase import seconds_since
@@ -124,7 +124,7 @@ class Comparison:
         :raises InputError: if the trajectory is shorter than delta.
         """
         number("delta", delta, f"above 0 {unit}", 0.0, exclusive=True)
-        one_of("unit", unit, DELTA_UNITS)
+        choice("unit", unit, DELTA_UNITS)
         return relative_errors(self.estimate, self.truth, pairs(self.truth, delta, unit))
 
 
@@ -172,4 +172,4 @@ def compare(
 
 def _rms(errors: Array) -> float:
     """Return the root mean square length of errors (n, 3)."""
-    return float(np.sqrt(np.mean(squared_lengths(errors))))
+    return float(np.sqrt(np.mean(squared_vector_lengths(errors))))

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.components import float_vector
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.navigation.covariance import (
     ACCEL_BIAS,
@@ -231,7 +231,8 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
             return slice(begin, begin + rest + 1)
         longest = max(longest, int(piece[-1] - piece[0]))
     raise InputError(
-        f"{stated('level_time', f'{parameters.level_time:g}')}: the readings without a gap last "
+        f"{argument_prefix('level_time', f'{parameters.level_time:g}')}: the readings without a "
+        "gap last "
         f"only {longest * 1e-9:.6g} s"
     )
 

@@ -13,7 +13,7 @@ from imu_sim_ros.core.conventions import BODY_FRAME, TRIADS, WORLD_FRAME
 from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.navigation import increments
 from imu_sim_ros.parameters import kinds
-from imu_sim_ros.parameters.files import build_layered, load
+from imu_sim_ros.parameters.files import build_from_layers, load
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -22,8 +22,8 @@ from imu_sim_ros.parameters.kinds import (
     Parameter,
     Vector,
     choice,
+    copy_parameter,
     flag,
-    like,
     matrix,
     number,
     text,
@@ -72,8 +72,8 @@ class IntegratorImuParameters(TriadsParameters):
         "file in config/imus, or a path, with the noise parameters; without any imu.*, the node "
         "uses those that the simulator publishes",
     )
-    lever_arm: Vector = like(parameters(ImuParameters)["lever_arm"])
-    mounting: Matrix = like(parameters(ImuParameters)["mounting"])
+    lever_arm: Vector = copy_parameter(parameters(ImuParameters)["lever_arm"])
+    mounting: Matrix = copy_parameter(parameters(ImuParameters)["mounting"])
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield problems that involve several parameters."""
@@ -190,7 +190,7 @@ def load_integrator(
     :param sensor: parameters of the sensor, instead of a preset.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(IntegratorParameters, partial(layer_integrator, sensor=sensor), values)
+    return build_from_layers(IntegratorParameters, partial(layer_integrator, sensor=sensor), values)
 
 
 def layer_integrator(
@@ -206,13 +206,13 @@ def layer_integrator(
     """
     known_parameters = parameters(IntegratorParameters)
     layered: dict[str, object] = {}
-    with problems.gathered():
+    with problems.collect():
         preset = values.get("imu.preset", DEFAULT_IMU)
         for name, value in (sensor_layer(str(preset)) if sensor is None else sensor).items():
             if name in known_parameters:
                 layered[name] = value
     if values.get("calibration"):
-        with problems.gathered():
+        with problems.collect():
             for name, value in load(str(values["calibration"])).items():
                 short = name.removeprefix("imu.")
                 layered.update({key: value for key in (name, short) if key in known_parameters})

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.names import suggestion
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import Array, Integers, shapes
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfIntervals
@@ -122,7 +122,9 @@ def preintegrate(
     :param method: euler or midpoint.
     """
     if method not in METHODS:
-        raise ConfigurationError(f"{stated('method', repr(method))}: {suggestion(method, METHODS)}")
+        raise ConfigurationError(
+            f"{argument_prefix('method', repr(method))}: {suggestion(method, METHODS)}"
+        )
     batch = len(readings.h)
     gyro_bias = np.array(np.broadcast_to(np.asarray(gyro_bias, dtype=float), (batch, 3)))
     accel_bias = np.array(np.broadcast_to(np.asarray(accel_bias, dtype=float), (batch, 3)))

@@ -14,7 +14,7 @@ from imu_sim_ros.core.components import float_quaternion, float_vector, normalis
 from imu_sim_ros.core.conventions import GRAVITY
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.names import suggestion
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.navigation import angles, increments
 from imu_sim_ros.navigation.increments import Ends, Increment
@@ -96,7 +96,7 @@ def check_method(method: str, attitude: str) -> None:
     :raises ConfigurationError: with what is allowed.
     """
     problems = [
-        f"{stated(name, repr(value))}: {suggestion(value, choices)}"
+        f"{argument_prefix(name, repr(value))}: {suggestion(value, choices)}"
         for name, value, choices in (
             ("method", method, METHODS),
             ("attitude_update", attitude, ATTITUDE_UPDATES),
@@ -108,7 +108,7 @@ def check_method(method: str, attitude: str) -> None:
     if attitude == "euler_angles" and method not in angles.METHODS:
         methods = ", ".join(angles.METHODS)
         raise ConfigurationError(
-            f"{stated('method', repr(method))}: euler_angles goes with {methods}"
+            f"{argument_prefix('method', repr(method))}: euler_angles goes with {methods}"
         )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.association import Rows, common_rows, poses_at
 from imu_sim_ros.recordings.time_offsets import OffsetInterval, half_interval
@@ -55,12 +55,14 @@ def time_offset(
     best = float(coarse[np.argmin(costs)])
     if np.median(costs) - costs.min() < 2.0 * np.log(_SHARPNESS):
         raise InputError(
-            f"{stated('time_offset')}: the motion does not reveal a time offset, because it looks "
+            f"{argument_prefix('time_offset')}: the motion does not reveal a time offset, because "
+            "it looks "
             "the same at any; changes of speed or direction reveal it"
         )
     if abs(best) > LARGEST - 1.5 * _STEPS[0]:
         raise InputError(
-            f"{stated('time_offset')}: no time offset within {LARGEST:g} s brings estimate and "
+            f"{argument_prefix('time_offset')}: no time offset within {LARGEST:g} s brings "
+            "estimate and "
             "truth together"
         )
     for step in _STEPS[1:]:
@@ -75,7 +77,7 @@ def time_offset(
     half = pairs.half_interval(best, scaled)
     if half > _DOUBTFUL:
         raise InputError(
-            f"{stated('time_offset')}: the motion does not determine the time offset: "
+            f"{argument_prefix('time_offset')}: the motion does not determine the time offset: "
             f"{1e3 * best:.1f} ms is "
             f"known to {1e3 * half:.2g} ms (95 %); changes of speed or direction reveal it"
         )
@@ -156,7 +158,8 @@ def _pairs(estimate: States, truth: States, max_gap: float) -> _Pairs:
     )
     if len(start) < _LEAST_PAIRS:
         raise InputError(
-            f"{stated('time_offset')}: estimate and truth have too little time in common; the "
+            f"{argument_prefix('time_offset')}: estimate and truth have too little time in common; "
+            "the "
             f"truth has to reach {LARGEST:g} s beyond {_LEAST_PAIRS} poses of the estimate on "
             "either side"
         )

@@ -14,12 +14,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
-from imu_sim_ros.core.names import shown
+from imu_sim_ros.core.names import short_repr
 from imu_sim_ros.inputs.rows import read_text
-from imu_sim_ros.nodes.help import SECTION_FILES, of_other_nodes
+from imu_sim_ros.nodes.help import SECTION_FILES, parameters_of_other_nodes
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
-from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters, unknown
+from imu_sim_ros.parameters.sections import (
+    OF_EVERY_NODE,
+    bad_value_lines,
+    parameters,
+    unknown_parameter_line,
+)
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.sensors import switchable_sensors
 from imu_sim_ros.sensors.imu import presets
@@ -50,7 +55,7 @@ def ros_arguments(arguments: Sequence[str], section: type, folder: Path) -> list
         if flag in ("--params-file", "-p", "--param"):
             value = ros[position + 1] if position + 1 < len(ros) else ""
             convert = _file if flag == "--params-file" else _rule
-            with problems.gathered():
+            with problems.collect():
                 result += [flag, convert(value, folder)]
             position += 2
         else:
@@ -100,8 +105,8 @@ def _plain(program_arguments: Sequence[str], section: type, problems: Problems) 
         short = SECTION_FILES.get(name)
         if short and (short in declarations or short.partition(".")[0] in switchable_sensors()):
             name = short
-        if of_other_nodes(section, [name]):
-            problems.append(unknown(name, declarations))
+        if parameters_of_other_nodes(section, [name]):
+            problems.append(unknown_parameter_line(name, declarations))
         if not equals:
             value = next(rest, "")
         if not value:
@@ -109,7 +114,7 @@ def _plain(program_arguments: Sequence[str], section: type, problems: Problems) 
             continue
         kind = declarations[name].kind if name in declarations else ""
         quoted = kind in ("text", "choice")
-        with problems.gathered():
+        with problems.collect():
             result += ["-p", f'{name}:="{value}"' if quoted else _rule(f"{name}:={value}", Path())]
     return result
 
@@ -198,7 +203,7 @@ def _uniform(name: str, value: object, problems: list[str]) -> object:
             for key, entry in value.items()
         }
     short = name.rpartition(f"{_PARAMETERS}.")[2].rpartition(":")[2]
-    problems += bad_values(OF_EVERY_NODE, {short: value}).values()
+    problems += bad_value_lines(OF_EVERY_NODE, {short: value}).values()
     if value is None:
         problems.append(f"{short}: a value is missing")
     if value == []:
@@ -209,7 +214,7 @@ def _uniform(name: str, value: object, problems: list[str]) -> object:
     if kinds == {int, float}:
         return [float(entry) for entry in value]
     if not (len(kinds) <= 1 and kinds <= {int, float, bool, str}):
-        problems.append(f"{short} = {shown(value)}: must be a list of values of one type")
+        problems.append(f"{short} = {short_repr(value)}: must be a list of values of one type")
     return value
 
 
@@ -217,4 +222,4 @@ def _resolve_paths(name: str, value: object, path: Path) -> object:
     """Return a tree in which paths relative to its file are those from the working directory."""
     if isinstance(value, dict):
         return {key: _resolve_paths(str(key), entry, path) for key, entry in value.items()}
-    return files.placed(name, value, path)
+    return files.resolve_path(name, value, path)

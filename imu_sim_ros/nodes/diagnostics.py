@@ -34,7 +34,7 @@ def diagnostics(
     return message
 
 
-def drawn(imus: Mapping[str, SampledParameters]) -> dict[str, str]:
+def drawn_constants(imus: Mapping[str, SampledParameters]) -> dict[str, str]:
     """Return the seed of each IMU and the constants that it has drawn, by parameter.
 
     :param imus: IMUs by name; a single one has an empty name.

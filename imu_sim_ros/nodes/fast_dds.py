@@ -144,7 +144,7 @@ def _rmw_fastrtps_version() -> int:
     return 0
 
 
-def without_own_profile(environment: Mapping[str, str]) -> dict[str, str]:
+def environment_of_child(environment: Mapping[str, str]) -> dict[str, str]:
     """Return an environment for a child process, which makes a profile of its own."""
     return {
         name: value

@@ -138,7 +138,7 @@ class NodeFormatter(argparse.HelpFormatter):
         )
 
 
-def answer(name: str, arguments: list[str]) -> int | None:
+def answer_requests(name: str, arguments: list[str]) -> int | None:
     """Answer requests that need no running node: help, version, tab completion.
 
     :returns: the exit status; None: the node is to run.
@@ -149,7 +149,7 @@ def answer(name: str, arguments: list[str]) -> int | None:
     if "--help-all" in options:
         return program.run(name, lambda: print(parser(name).format_help(), end=""))
     if "--help" in options or "-h" in options:
-        return program.run(name, lambda: print(short_parser(name).format_help(), end=""))
+        return program.run(name, lambda: print(main_parameter_parser(name).format_help(), end=""))
     if "--version" in options:
         return program.run(name, lambda: print(f"imu_sim_ros {__version__}"))
     return None
@@ -162,12 +162,12 @@ def parser(name: str) -> argparse.ArgumentParser:
     group = parser.add_argument_group("parameters (* may change while the node runs)")
     for key, parameter in _parameters(name).items():
         mark = " *" if parameter.live else ""
-        text = f"{parameter.text}{mark} ({parameter.allowed()}; default {_plainly(parameter)})"
+        text = f"{parameter.text}{mark} ({parameter.allowed_text()}; default {_plainly(parameter)})"
         group.add_argument(f"--{key}", metavar="VALUE", help=text.replace("%", "%%"))
     return parser
 
 
-def short_parser(name: str) -> argparse.ArgumentParser:
+def main_parameter_parser(name: str) -> argparse.ArgumentParser:
     """Return a parser with the main parameters of a node, for its short help."""
     node = PROGRAMS[name]
     if not node.main:
@@ -232,7 +232,7 @@ def _parameters(name: str) -> dict[str, Parameter]:
     return declarations
 
 
-def of_other_nodes(section: type, names: Iterable[str]) -> list[str]:
+def parameters_of_other_nodes(section: type, names: Iterable[str]) -> list[str]:
     """Return the names among some that are parameters of other nodes only."""
     declarations = parameters(section)
     rest = [name for name in names if name not in declarations]

@@ -52,7 +52,7 @@ def arguments(section: type, names: Sequence[str]) -> list[Argument]:
 
 def _text(parameter: Parameter) -> str:
     """Return the description of a launch argument with its allowed values."""
-    allowed = parameter.allowed()
+    allowed = parameter.allowed_text()
     if parameter.kind == "texts":
         allowed = "names, separated by spaces"
     return f"{parameter.text}: {allowed}"

@@ -310,7 +310,7 @@ def truth(payload: bytes) -> LiveState:
     px, py, pz, x, y, z, w, vx, vy, vz, rx, ry, rz = values
     position, q_wb, velocity, rate = (px, py, pz), (w, x, y, z), (vx, vy, vz), (rx, ry, rz)
     sound = gate.is_pose(t_ns, position, q_wb)
-    if not (sound and gate.within(velocity, gate.VELOCITY) and gate.within(rate, gate.RATE)):
+    if not (sound and gate.is_within(velocity, gate.VELOCITY) and gate.is_within(rate, gate.RATE)):
         pose = (gate.POSITION, position), (gate.ORIENTATION, q_wb)
         raise _refusal(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
     off = abs(w * w + x * x + y * y + z * z - 1.0) > _ROUNDING

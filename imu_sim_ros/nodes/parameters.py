@@ -16,11 +16,17 @@ from rclpy.parameter import Parameter as RosParameter
 
 from imu_sim_ros.core.errors import ConfigurationError, Problems
 from imu_sim_ros.core.random_streams import seed_of_node
-from imu_sim_ros.nodes.help import of_other_nodes
+from imu_sim_ros.nodes.help import parameters_of_other_nodes
 from imu_sim_ros.nodes.lifetime import Lifetime
-from imu_sim_ros.parameters.files import Layering, build_layered
+from imu_sim_ros.parameters.files import Layering, build_from_layers
 from imu_sim_ros.parameters.kinds import Parameter, Value
-from imu_sim_ros.parameters.sections import build, flatten, is_of_ros, parameters, unknown
+from imu_sim_ros.parameters.sections import (
+    build,
+    flatten,
+    is_of_ros,
+    parameters,
+    unknown_parameter_line,
+)
 
 _TYPES = {
     "number": RosParameter.Type.DOUBLE,
@@ -72,7 +78,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         self.section = section
         if "seed" in parameters(self.section):  # no two nodes of a graph have the same noise
             overrides.setdefault("seed", seed_of_node(self.get_fully_qualified_name()))
-        for name_of_other in of_other_nodes(
+        for name_of_other in parameters_of_other_nodes(
             self.section, overrides
         ):  # -p seed:=3 is given to all of a process
             del overrides[name_of_other]
@@ -82,7 +88,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         self.changed: frozenset[str] = frozenset()
         self.lifetime = Lifetime(self)
         self.overrides: dict[str, object] = overrides
-        self.parameters = build_layered(self.section, layering, overrides)
+        self.parameters = build_from_layers(self.section, layering, overrides)
         if "seed" in overrides:
             self._warn_of_the_same_seed(overrides["seed"])
         values = flatten(self.parameters)
@@ -149,7 +155,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         overrides: dict[str, object] = {}
         for name, parameter in self.get_parameters_by_prefix("").items():
             if not is_of_ros(name):
-                overrides[name] = plain(parameter)  # type: ignore[arg-type]  # rclpy says: of values
+                overrides[name] = python_value(parameter)  # type: ignore[arg-type]  # rclpy says: of values
                 self.undeclare_parameter(name)
         return overrides
 
@@ -180,15 +186,15 @@ class ConfiguredNode(Node, Generic[_Section]):
         changes, problems = [], Problems()
         for change in parameter_list:
             parameter = self._known.get(change.name)
-            with problems.gathered():
+            with problems.collect():
                 if parameter is None and not self.has_parameter(change.name):
-                    problems.append(unknown(change.name, self._known))
+                    problems.append(unknown_parameter_line(change.name, self._known))
                 elif parameter is None:
                     changes.append(change)
                 elif not parameter.live:
                     problems.append(f"{change.name} is read-only: it is fixed when the node starts")
                 else:
-                    value = parameter.parse(change.name, plain(change))
+                    value = parameter.parse(change.name, python_value(change))
                     changes.append(to_ros(change.name, parameter, value))
         if problems:
             return SetParametersResult(successful=False, reason="; ".join(problems))
@@ -196,7 +202,9 @@ class ConfiguredNode(Node, Generic[_Section]):
 
     def _on_set(self, changes: list[RosParameter]) -> SetParametersResult:
         """Check parameters that are set at run time, and apply them if all are valid."""
-        values = {change.name: plain(change) for change in changes if change.name in self._known}
+        values = {
+            change.name: python_value(change) for change in changes if change.name in self._known
+        }
         if not values:
             return SetParametersResult(successful=True)
         try:
@@ -216,7 +224,7 @@ def _set_each(
 ) -> SetParameters.Response:
     """Answer SetParameters: one result for each parameter."""
     for parameter in request.parameters:
-        refused = _of_unknown_type([parameter])
+        refused = _refuse_unknown_types([parameter])
         if refused is not None:
             response.results.append(refused)
         else:
@@ -234,14 +242,14 @@ def _set_all(
     response: SetParametersAtomically.Response,
 ) -> SetParametersAtomically.Response:
     """Answer SetParametersAtomically: one result for all."""
-    refused = _of_unknown_type(request.parameters)
+    refused = _refuse_unknown_types(request.parameters)
     if refused is None:
         return callback(request, response)
     response.result = refused
     return response
 
 
-def _of_unknown_type(messages: Iterable[ParameterMessage]) -> SetParametersResult | None:
+def _refuse_unknown_types(messages: Iterable[ParameterMessage]) -> SetParametersResult | None:
     """Return the refusal of values whose type is none of ROS; None: there are none."""
     bad = [message for message in messages if message.value.type not in _TYPES_OF_ROS]
     reasons = [
@@ -250,7 +258,7 @@ def _of_unknown_type(messages: Iterable[ParameterMessage]) -> SetParametersResul
     return SetParametersResult(successful=False, reason="; ".join(reasons)) if bad else None
 
 
-def plain(parameter: RosParameter) -> object:
+def python_value(parameter: RosParameter) -> object:
     """Return a ROS parameter's value in plain Python; for ROS an empty list is one of bytes."""
     value = parameter.value
     return tuple(value) if hasattr(value, "__iter__") and not isinstance(value, str) else value
@@ -271,7 +279,7 @@ def describe(parameter: Parameter) -> ParameterDescriptor:
     return ParameterDescriptor(
         type=_TYPES[parameter.kind].value,
         description=f"{parameter.text} [{parameter.unit}]" if parameter.unit else parameter.text,
-        additional_constraints=parameter.allowed()
+        additional_constraints=parameter.allowed_text()
         + ("" if parameter.live else "; fixed when the node starts"),
         read_only=not parameter.live,
     )

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.core.errors import ConfigurationError, explain
-from imu_sim_ros.core.spelling import spelled_for
+from imu_sim_ros.core.spelling import use_spelling
 from imu_sim_ros.nodes import fast_dds, help, signals
 from imu_sim_ros.nodes.arguments import ros_arguments
 
@@ -37,14 +37,14 @@ def main(
         line for each problem with the parameters; 1 after any other error.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
-    status = help.answer(name, list(arguments))
+    status = help.answer_requests(name, list(arguments))
     if status is not None:
         return status
-    arguments, debug = debugging(arguments)
+    arguments, debug = parse_debug_option(arguments)
     watch = signals.watch()
     try:
         watch.begin()
-        with spelled_for("node"), tempfile.TemporaryDirectory() as folder:
+        with use_spelling("node"), tempfile.TemporaryDirectory() as folder:
             fast_dds.set_profile(Path(folder))
             for path in fast_dds.remove_torn_segments():
                 print(
@@ -55,7 +55,7 @@ def main(
             section = help.PROGRAMS[name].section()
             _start(ros_arguments(arguments, section, Path(folder)))
             node = create()
-        with spelled_for("node"):
+        with use_spelling("node"):
             _spin(node, watch)
         error = node.lifetime.failure
         if error is not None:
@@ -69,7 +69,7 @@ def main(
         watch.close()
 
 
-def debugging(arguments: Sequence[str]) -> tuple[list[str], bool]:
+def parse_debug_option(arguments: Sequence[str]) -> tuple[list[str], bool]:
     """Return the arguments without ``--debug``, and whether errors are to show a traceback.
 
     ROS's own ``--log-level debug`` (or ``NODE:=debug``) requests it as well, and stays.

@@ -24,7 +24,7 @@ from imu_sim_ros.nodes.subscriptions import Taken
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.parameters import MOUNT
 from imu_sim_ros.simulation.parameters import SampledParameters
-from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.json_text import json_text
 
 _QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PARAMETERS: Final = "ros__parameters"
@@ -62,7 +62,7 @@ def publish(publisher: Publisher, parameters: SampledParameters) -> None:
 def encode(parameters: SampledParameters) -> str:
     """Return the text that describes the sensor of a simulation."""
     imu = flatten(parameters.imu)
-    return as_json({"/**": {_PARAMETERS: {"rate": parameters.rate, "imu": imu}}})
+    return json_text({"/**": {_PARAMETERS: {"rate": parameters.rate, "imu": imu}}})
 
 
 def decode(text: str) -> dict[str, object]:

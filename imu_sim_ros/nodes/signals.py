@@ -41,7 +41,7 @@ class EndSignals:
         self._wake_reader, self._wake_writer = os.pipe()
         os.set_blocking(self._wake_writer, False)
         self._wakeup = signal.set_wakeup_fd(self._wake_writer, warn_on_full_buffer=False)
-        self._handlers = {number: signal.signal(number, _nothing) for number in numbers}
+        self._handlers = {number: signal.signal(number, _ignore_signal) for number in numbers}
         self._thread = threading.Thread(target=self._wait, name="signals", daemon=True)
         self._thread.start()
 
@@ -86,7 +86,7 @@ class EndSignals:
                 os._exit(0)
 
 
-def _nothing(number: int, frame: FrameType | None) -> None:
+def _ignore_signal(number: int, frame: FrameType | None) -> None:
     """Do nothing: the signal does not end the process, and its number goes into the pipe."""
 
 

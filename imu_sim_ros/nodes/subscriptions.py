@@ -273,7 +273,7 @@ def _never(message: bytes) -> None:
     raise AssertionError("the reader takes messages itself")
 
 
-def offered_qos(publishers: Iterable[TopicEndpointInfo]) -> tuple[Qos, ...]:
+def publisher_qos(publishers: Iterable[TopicEndpointInfo]) -> tuple[Qos, ...]:
     """Return the QoS profiles of the publishers, each distinct one once, in the terms of a bag."""
     profiles = (publisher.qos_profile for publisher in publishers)
     distinct = {

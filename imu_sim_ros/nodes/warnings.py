@@ -58,7 +58,7 @@ class Refusals:
         self.count += count
         self._warnings.add(f"{topic}: refused: {error} ({self.count} refused so far)")
 
-    def timed(
+    def keep_timed(
         self, topic: str, stamps: StampWatch, messages: Sequence[_StampedT]
     ) -> Sequence[_StampedT]:
         """Return the messages of a topic whose stamps are a time; others are refused."""

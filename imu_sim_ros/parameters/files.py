@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final, TypeGuard, TypeVar
 
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
-from imu_sim_ros.core.names import printable, unknown
+from imu_sim_ros.core.names import printable_text, unknown_name_line
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.yaml_output import as_yaml
 from imu_sim_ros.inputs.rows import is_present, read_text
@@ -99,7 +99,7 @@ def find(kind: str, name_or_file: str) -> Path:
         raise ConfigurationError(error.problems) from None
     presets = names(kind)
     raise ConfigurationError(
-        unknown(
+        unknown_name_line(
             _KINDS.get(kind, kind),
             name_or_file,
             presets,
@@ -108,7 +108,7 @@ def find(kind: str, name_or_file: str) -> Path:
     )
 
 
-def split_part(path: str | Path) -> tuple[Path, str]:
+def split_sensor_name(path: str | Path) -> tuple[Path, str]:
     """Return file and name of ``FILE#imu1``; the name is empty if the path has none."""
     file, mark, name = str(path).rpartition("#")
     if not mark or _exists(path):
@@ -166,8 +166,8 @@ def parameters_of(tree: YamlMapping, path: Path, node: str) -> dict[str, object]
     result: dict[str, object] = {}
     for name, content in sorted(sections.items(), key=lambda item: "*" not in item[0]):
         content = {} if content is None else content
-        values = dotted(content, f"{path}: {name}: {_PARAMETERS}")
-        result.update({key: placed(key, value, path) for key, value in values.items()})
+        values = dotted_values(content, f"{path}: {name}: {_PARAMETERS}")
+        result.update({key: resolve_path(key, value, path) for key, value in values.items()})
     cameras = [str(name) for name, content in tree.items() if is_of_chain(content)]
     if not sections and cameras:
         raise ConfigurationError(
@@ -196,7 +196,7 @@ def _sections(
             raise ConfigurationError(f"{path}: {name} must hold {_PARAMETERS} and nothing else")
 
 
-def placed(name: str, value: object, path: Path) -> object:
+def resolve_path(name: str, value: object, path: Path) -> object:
     """Return a value of a parameter file; the relative path of a file that is there becomes whole.
 
     Any other relative path is that from the working directory.
@@ -240,7 +240,7 @@ def read_tree(
     return tree
 
 
-def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
+def dotted_values(tree: object, where: str, prefix: str = "") -> dict[str, object]:
     """Return nested names and values by dotted name; arrays become lists.
 
     :raises ConfigurationError: for anything but names and values.
@@ -264,7 +264,7 @@ def _leaves(tree: YamlMapping, prefix: str) -> Iterator[tuple[str, object]]:
             yield f"{prefix}{key}", value
 
 
-def build_layered(
+def build_from_layers(
     cls: type[_T],
     layering: Layering,
     *layers: Mapping[str, object],
@@ -281,7 +281,7 @@ def build_layered(
     values_by_name: dict[str, object] = {}
     for values in layers:
         values_by_name.update(values)
-    with problems.gathered():
+    with problems.collect():
         layered = layering(values_by_name, problems)
         checked = {key: layered[key] for key in layered if not key.startswith(problems.unjudged)}
         built = build(cls, checked, complete=not problems)
@@ -296,7 +296,7 @@ def dump(instance: object, path: Path, comment: str = "") -> None:
 
 def write(values: Mapping[str, Value], path: Path, node: str = "/**", comment: str = "") -> None:
     """Write values by dotted name as a ROS 2 parameter file, nested."""
-    path.write_text(printable(text(values, node, comment)), encoding="utf-8")
+    path.write_text(printable_text(text(values, node, comment)), encoding="utf-8")
 
 
 def text(values: Mapping[str, Value], node: str = "/**", comment: str = "") -> str:

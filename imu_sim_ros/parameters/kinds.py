@@ -15,8 +15,8 @@ import numpy as np
 from imu_sim_ros.core import gate
 from imu_sim_ros.core.conventions import GRAVITY
 from imu_sim_ros.core.errors import ConfigurationError
-from imu_sim_ros.core.names import shown, suggestion
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.names import short_repr, suggestion
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
@@ -141,17 +141,17 @@ class Parameter:
                 f"must be 0 or of a size from {SMALLEST:g} to {self.largest:g} {self.unit}".rstrip()
             )
         except (ValueError, TypeError, OverflowError):
-            allowed = f"must be {self.allowed()}"
+            allowed = f"must be {self.allowed_text()}"
             if self.choices:
                 allowed = suggestion(value, self.choices)
-        raise ConfigurationError(f"{stated(name, shown(value))}: {allowed}")
+        raise ConfigurationError(f"{argument_prefix(name, short_repr(value))}: {allowed}")
 
-    def unquoted(self, value: object) -> object:
+    def unquote(self, value: object) -> object:
         """Return a number in quotes, alone or in a list, as the number if the kind has numbers."""
         if _KINDS[self.kind].entry not in (float, int):
             return value
         if isinstance(value, list):
-            return [self.unquoted(entry) for entry in value]
+            return [self.unquote(entry) for entry in value]
         if not isinstance(value, str):
             return value
         try:
@@ -184,7 +184,7 @@ class Parameter:
             raise _SizeError
         return number
 
-    def allowed(self) -> str:
+    def allowed_text(self) -> str:
         """Return the description of the allowed values, with limits and unit."""
         description = _KINDS[self.kind].allowed
         if self.choices:
@@ -255,7 +255,7 @@ def _field(
     return dataclasses.field(default=default, metadata={METADATA: parameter})
 
 
-def like(parameter_of_origin: Parameter, **changed: Any) -> Any:
+def copy_parameter(parameter_of_origin: Parameter, **changed: Any) -> Any:
     """Return a parameter like another one, except for some fields of :class:`Parameter`."""
     parameter = dataclasses.replace(parameter_of_origin, **changed)
     return dataclasses.field(default=parameter.default, metadata={METADATA: parameter})

@@ -152,7 +152,7 @@ class _ListedSections(_Nesting):
     """Names that cannot be listed, in addition to those of parameters."""
 
     def names(self, values: Mapping[str, object]) -> Collection[str]:
-        return listed_names(self.parameter, values)
+        return names_in_parameter(self.parameter, values)
 
     def section_class(self, path: str, name: str, values: Mapping[str, object]) -> type:
         return self.find(name, values)
@@ -313,7 +313,7 @@ def parameters(
     return result
 
 
-def listed_names(parameter: str, values: Mapping[str, object]) -> list[str]:
+def names_in_parameter(parameter: str, values: Mapping[str, object]) -> list[str]:
     """Return the names that a parameter lists; none, if it is not a list."""
     try:
         value = entries(values.get(parameter, ()))
@@ -350,11 +350,11 @@ def build(cls: type[_T], values: Mapping[str, object], complete: bool = True) ->
     values, declared = building.values, building.declared
     hint = cls.elsewhere if issubclass(cls, _WithHints) else None
     problems = building.misnamed + [
-        _of_other_variants(cls, values, name) or unknown(name, declared, hint)
+        _other_variant_line(cls, values, name) or unknown_parameter_line(name, declared, hint)
         for name in values
         if name not in declared and name not in ignored and not is_of_ros(name)
     ]
-    problems += {**bad_values(ignored, values), **building.bad}.values()
+    problems += {**bad_value_lines(ignored, values), **building.bad}.values()
     if complete and not problems:
         problems = [
             line
@@ -367,7 +367,9 @@ def build(cls: type[_T], values: Mapping[str, object], complete: bool = True) ->
     return result
 
 
-def bad_values(declared: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, str]:
+def bad_value_lines(
+    declared: Mapping[str, Parameter], values: Mapping[str, object]
+) -> dict[str, str]:
     """Return a line for every bad value of a known name, by name; other names are passed over."""
     lines = {}
     for name, parameter in declared.items():
@@ -379,14 +381,14 @@ def bad_values(declared: Mapping[str, Parameter], values: Mapping[str, object]) 
     return lines
 
 
-def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> str | None:
+def _other_variant_line(cls: type, values: Mapping[str, object], name: str) -> str | None:
     """Return the line for a parameter of another class of its variant; None for any other."""
     for dataclass_field in fields(cls):
         field_name = dataclass_field.name
         nesting: _Nesting | None = dataclass_field.metadata.get(_NESTED)
         if isinstance(nesting, _OptionalSection | _CommonSections):
             for _, inner, _ in nesting.sections(field_name, "", values):
-                line = _of_other_variants(inner, values, name)
+                line = _other_variant_line(inner, values, name)
                 if line is not None:
                     return line
         if not isinstance(nesting, _Variant) or not name.startswith(f"{field_name}."):
@@ -523,7 +525,7 @@ class _Building:
         remaining = {key: value for key, value in self.values.items() if not key.startswith(prefix)}
         if isinstance(nesting, _ListedSections):
             self.bad.pop(nesting.parameter, None)
-            valid_names = listed_names(nesting.parameter, remaining)
+            valid_names = names_in_parameter(nesting.parameter, remaining)
             remaining[nesting.parameter] = [n for n in valid_names if n != name]
         self.values = remaining
         return None
@@ -561,7 +563,7 @@ def flatten(instance: object) -> dict[str, Value]:
     return result
 
 
-def unknown(
+def unknown_parameter_line(
     name: str, declared: Mapping[str, object], elsewhere: Callable[[str], str | None] | None = None
 ) -> str:
     """Return the line for a name that does not exist, with the nearest one that does.

@@ -50,7 +50,7 @@ def figure(result: AllanResult, source: str = "") -> Figure:
     for triad, axes in enumerate(panels):
         _draw_triad(result, triad, axes)
     prefix = f"{source}: o" if source else "O"
-    style.heading(picture, f"{prefix}verlapping Allan deviation, {result.record}")
+    style.draw_heading(picture, f"{prefix}verlapping Allan deviation, {result.record}")
     return picture
 
 
@@ -79,7 +79,7 @@ def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
     axes.set_ylabel(f"Allan deviation [{_SHORT_UNITS[TRIADS[triad]]}]")
     style.title(axes, TRIADS[triad])
     if axes.get_legend_handles_labels()[0]:
-        axes.add_artist(style.legend_above(axes, 3, handles=_DRAWN))
+        axes.add_artist(style.add_legend_above(axes, 3, handles=_DRAWN))
         axes.legend(
             loc="upper center",
             bbox_to_anchor=(0.5, -0.1),  # below the panel: inside it would hide a curve

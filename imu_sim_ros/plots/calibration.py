@@ -45,8 +45,8 @@ def six_position(result: SixPosition, gravity: float, source: str = "") -> Figur
         ("axis that points up", "error [mm/s$^2$]", "2 standard errors of a piece"),
     )
     bias = _values("b", result.bias, result.bias_sigma)
-    style.legend_above(figure.axes[0], 3, f"accelerometer, bias in m/s$^2$: {bias}")
-    style.heading(
+    style.add_legend_above(figure.axes[0], 3, f"accelerometer, bias in m/s$^2$: {bias}")
+    style.draw_heading(
         figure,
         f"{_source_title(source)}accelerometer in {result.positions.stretches} rests, "
         f"{len(result.faces)} pieces",
@@ -74,8 +74,8 @@ def turntable(result: Turntable, source: str = "") -> Figure:
         ("axis and rate of the table [rad/s]", "error [mrad/s]", "2 standard errors of a stretch"),
     )
     bias = _values("b", result.bias, result.bias_sigma)
-    style.legend_above(figure.axes[0], 3, f"gyroscope, bias in rad/s: {bias}")
-    style.heading(
+    style.add_legend_above(figure.axes[0], 3, f"gyroscope, bias in rad/s: {bias}")
+    style.draw_heading(
         figure,
         f"{_source_title(source)}gyroscope in {result.stretches.stretches} stretches "
         "on a rate table",
@@ -130,7 +130,7 @@ def _residuals(
         axes.grid(False, axis="x")
         for group in range(1, len(labels)):
             axes.axvline(group - 0.5, color="#DDDDDD", lw=0.6)
-    style.legend_above(panels[1], 1, handles=[Patch(color=_BAR_COLOUR, label=names[2])])
+    style.add_legend_above(panels[1], 1, handles=[Patch(color=_BAR_COLOUR, label=names[2])])
     crowded = len(labels) > 12
     panels[1].set_xticks(range(len(labels)), labels, rotation=60 if crowded else 0)
     panels[1].set_xlim(-0.5, len(labels) - 0.5)
@@ -157,7 +157,7 @@ def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
     strength_axes.set_ylim(bottom=0.0)
     strength_axes.set_xlabel("number of the reading")
     strength_axes.set_ylabel("strength of the field [µT]")
-    style.legend_above(strength_axes, 2)
+    style.add_legend_above(strength_axes, 2)
     direction = corrected / np.linalg.norm(corrected, axis=1)[:, None]
     azimuth = np.degrees(np.arctan2(direction[:, 1], direction[:, 0]))
     shown = direction_axes.scatter(
@@ -171,7 +171,7 @@ def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
         "residual of the strength [µT]", fontsize=direction_axes.xaxis.label.get_fontsize()
     )
     bar.ax.tick_params(labelsize=direction_axes.xaxis.label.get_fontsize())
-    style.heading(figure, f"{source}, {len(readings)} readings")
+    style.draw_heading(figure, f"{source}, {len(readings)} readings")
     return figure
 
 
@@ -191,7 +191,7 @@ def temperature(result: Temperature, source: str = "") -> Figure:
         style.title(panels[2 * row + 1], f"{name}: scale")
     for axes in panels:
         axes.set_xlabel("temperature [°C]")
-    style.heading(
+    style.draw_heading(
         figure,
         f"{_source_title(source)}readings against temperature (points), fitted polynomials and "
         "their 95 % bands",
@@ -209,7 +209,7 @@ def _draw_bias(axes: Axes, triad: TriadTemperature, reference: float) -> None:
         points = _polynomial(axis.bias, triad.difference) + axis.residuals
         _draw_curve(axes, k, reference + triad.difference, points)
         _draw_band(axes, k, reference + grid, curve, polynomial_sigma(powers, part), len(axis.bias))
-    style.legend_above(axes, 3)
+    style.add_legend_above(axes, 3)
 
 
 def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
@@ -227,7 +227,7 @@ def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
         start = len(axis.gain) + len(axis.bias)
         sigma = polynomial_sigma(powers[:, 1:], axis.covariance[start:, start:])
         _draw_band(axes, k, reference + grid, 1e6 * curve, 1e6 * sigma, len(axis.scale) + 1)
-    style.legend_above(axes, 3)
+    style.add_legend_above(axes, 3)
 
 
 def _scale_points(axis: AxisResponse, triad: TriadTemperature, k: int) -> tuple[Array, Array]:
@@ -270,15 +270,15 @@ _SECONDS = 0.5
 _UNITS = ("rad/s", "m/s$^2$")
 
 
-def draw(real: Series, simulated: Series, rate: float, name: str) -> Figure:
+def draw_spectra(real: Series, simulated: Series, rate: float, name: str) -> Figure:
     """Return the picture: six spectra, and six pairs of time series side by side."""
     figure, panels = style.panels(4, 3, 12.0, 10.0)
     for axis in range(6):
         label = f"{TRIADS[axis // 3]} {AXES[axis % 3]}"
         _spectrum(panels[axis], real[1], simulated[1], rate, axis, label)
         _series(panels[6 + axis], real, simulated, rate, axis, label)
-    style.legend_above(panels[2], 2)
-    style.heading(figure, f"Digital twin of {name}: residuals of the fitted constant errors")
+    style.add_legend_above(panels[2], 2)
+    style.draw_heading(figure, f"Digital twin of {name}: residuals of the fitted constant errors")
     return figure
 
 

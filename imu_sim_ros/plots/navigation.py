@@ -53,7 +53,7 @@ def trajectories(
         _errors(axes[3], attitude_errors, looks, "attitude error [deg]", 180.0 / np.pi)
     finals = {name: f"{name}: {error[-1]:.3g} m" for name, (_, error) in position_errors.items()}
     _legend(figure, axes, finals)
-    style.heading(figure, title)
+    style.draw_heading(figure, title)
     return figure
 
 
@@ -89,9 +89,9 @@ def evaluation(
             axis.plot(_thin(t), _thin(errors[:, k]), color=colour, label=label_of_axis)
         axis.set_xlabel("time [s]")
         axis.set_ylabel(label)
-        style.legend_above(axis, ncols=3)
-    style.legend_above(axes[0], ncols=2)
-    style.heading(figure, title)
+        style.add_legend_above(axis, ncols=3)
+    style.add_legend_above(axes[0], ncols=2)
+    style.draw_heading(figure, title)
     return figure
 
 

@@ -34,9 +34,9 @@ def readings(t_ns: Integers, gyro: Array, accel: Array, name: str) -> Figure:
         for k, axis in enumerate(AXES):
             axes.plot(t, values[::step, k], color=AXIS_COLOURS[axis], lw=0.8, label=axis)
         axes.set_ylabel(label)
-    style.legend_above(panels[0], 3)
+    style.add_legend_above(panels[0], 3)
     panels[1].set_xlabel("time [s]")
-    style.heading(picture, name)
+    style.draw_heading(picture, name)
     return picture
 
 

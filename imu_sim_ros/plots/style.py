@@ -79,7 +79,7 @@ def panels(
         grid = result.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey)
     axes = [axis for row in grid for axis in row]
     for axis in axes:
-        tidy(axis)
+        style_panel(axis)
     return result, axes
 
 
@@ -133,7 +133,7 @@ def small_ticks(axes: Axes) -> None:
         axes.add_artist(ticks)
 
 
-def tidy(axes: Axes) -> None:
+def style_panel(axes: Axes) -> None:
     """Draw a light grid, and no frame on the right and at the top of a panel."""
     axes.grid(True, which="major", color="#DDDDDD", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -146,12 +146,12 @@ def title(axes: Axes, text: str) -> None:
     axes.set_title(text, loc="left", fontsize=_TITLE_SIZE)
 
 
-def heading(picture: Figure, text: str) -> None:
+def draw_heading(picture: Figure, text: str) -> None:
     """Write the heading of a picture."""
     picture.suptitle(text, fontsize=_HEADING_SIZE)
 
 
-def legend_above(
+def add_legend_above(
     axes: Axes, ncols: int, title: str | None = None, handles: Sequence[Artist] | None = None
 ) -> Legend:
     """Add a legend above a panel, at the right.

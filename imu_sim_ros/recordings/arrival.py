@@ -59,7 +59,7 @@ def even_times(
     index = _grid_index(t / _even_interval(t, interval))
     interval = float(np.polyfit(index, t, 1)[0])
     even = index * interval
-    even = even + _running_delay(t - even, _WINDOW)
+    even = even + _smooth_delay(t - even, _WINDOW)
     even = even - even[0]
     scatter = float(np.std(t - even))
     if log_step and np.ptp(t - even) < _ROUNDED * log_step and np.all(np.diff(even) > 0.0):
@@ -130,7 +130,7 @@ def _centre(rare: Mask) -> float:
     return float((start + 0.5 * (begin + end)) % count / count)
 
 
-def _running_delay(values: Array, reach: int) -> Array:
+def _smooth_delay(values: Array, reach: int) -> Array:
     """Return the running median (n,) over ``reach`` values on either side, then its mean.
 
     The median leaves out late stamps. Of rounded delays, such as those of held poses, which are 0

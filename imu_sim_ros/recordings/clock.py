@@ -149,17 +149,17 @@ def find_pattern(t_ns: Times) -> StampPattern:
     single = len(rows) >= (1.0 - _FEW_SHARED) * (rows[-1] - rows[0] + 1)
     typical = _typical_interval(rows, heads)
     clear = _clear(steps / typical - counts)
-    interval = _long_spans(rows, heads, typical)
+    interval = _interval_by_long_spans(rows, heads, typical)
     coarse = not single or 0.0 < interval < _COARSE * unit_ns
     if coarse and single and unit_ns > _COARSEST_NS:
         coarse = False
     if clear is not None:
         events = int(np.count_nonzero(clear))
         if not coarse or events < _FEWEST_WRAPS:
-            interval = _counted_interval(steps, counts + clear, typical)
+            interval = _interval_by_count(steps, counts + clear, typical)
             return StampPattern(interval, unit_ns, bunch_ns, False, True)
     if coarse:
-        lined = _lined_interval(rows, heads, unit_ns, None if clear is None else clear)
+        lined = _interval_by_lines(rows, heads, unit_ns, None if clear is None else clear)
         if lined is None and unit_ns:
             lined = _interval_of_fewest_losses(rows, heads, unit_ns, mean)
         if lined is not None:
@@ -169,7 +169,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
                 missing = Losses(pattern).count(t_ns)[begin:][rows[1:] - rows[0]]
                 if not missing.any():
                     break
-                interval = _counted_interval(steps, counts + missing, pattern.interval_ns)
+                interval = _interval_by_count(steps, counts + missing, pattern.interval_ns)
                 if missing.max() <= longest_loss(interval):
                     numbers = np.append(0, np.cumsum(counts + missing))
                     interval = _line(numbers, heads)[0]
@@ -178,7 +178,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
             if clear is None or missing.sum() < _SIMPLER * clear.sum():
                 return pattern
         if clear is not None:
-            interval = _counted_interval(steps, counts + clear, typical)
+            interval = _interval_by_count(steps, counts + clear, typical)
             return StampPattern(interval, unit_ns, bunch_ns, False, True)
     pattern = StampPattern(interval, unit_ns, bunch_ns, False, False)
     missing = Losses(pattern).count(t_ns)[begin:][rows[1:] - rows[0]]
@@ -265,7 +265,7 @@ def _clear(excess: Array) -> Integers | None:
     return None
 
 
-def _counted_interval(steps: Integers, samples: Integers, interval: float) -> float:
+def _interval_by_count(steps: Integers, samples: Integers, interval: float) -> float:
     """Return the interval [ns] of steps with counted samples, pauses left out."""
     regular = samples <= longest_loss(interval) + 1.0
     if not regular.any():
@@ -285,7 +285,7 @@ def _typical_interval(rows: Integers, heads: Times) -> float:
     return float(np.median(spans / counts))
 
 
-def _long_spans(rows: Integers, heads: Times, interval: float) -> float:
+def _interval_by_long_spans(rows: Integers, heads: Times, interval: float) -> float:
     """Return the interval [ns] from ever longer spans, so that jitter does not add up."""
     for apart in (4, 16, 64, 256):
         spans = (heads[apart:] - heads[:-apart]).astype(np.float64)
@@ -297,7 +297,7 @@ def _long_spans(rows: Integers, heads: Times, interval: float) -> float:
     return interval
 
 
-def _lined_interval(
+def _interval_by_lines(
     rows: Integers, heads: Times, unit_ns: float, longer: Integers | None
 ) -> float | None:
     """Return the interval [ns] if most stretches of stamps are on a line but for rounding.
@@ -458,10 +458,10 @@ class Losses:
             lost = np.empty(len(steps), dtype=np.int64)
             for begin in range(0, len(steps), _STRIP):
                 part = slice(begin, begin + _STRIP)
-                lost[part] = self._among_rounding(excess[part])
+                lost[part] = self._missing_by_rounding(excess[part])
                 self._follow(steps[part], rows[part] + lost[part])
         else:
-            lost = self._missing(excess)
+            lost = self._missing_samples(excess)
         missing[heads] = lost
         regular = (lost <= self.longest) & ~partial
         if not regular.all():
@@ -476,7 +476,7 @@ class Losses:
         self.deviations += np.array([len(excess), excess.sum(), excess @ excess])
         return missing
 
-    def _missing(self, excess: Array) -> Integers:
+    def _missing_samples(self, excess: Array) -> Integers:
         """Return the missing samples of steps that exceed the intervals of their readings.
 
         :param excess: (n,) time by which each step is too long, in intervals.
@@ -486,9 +486,9 @@ class Losses:
         if clear and np.all(whole >= 0.0):
             self._late = 0.0
             return whole.astype(np.int64)
-        return self._among_jitter(excess)
+        return self._missing_by_jitter(excess)
 
-    def _among_rounding(self, excess: Array) -> Integers:
+    def _missing_by_rounding(self, excess: Array) -> Integers:
         """Return the missing samples if rounding is as coarse as the interval."""
         strip = self._strip
         late = strip.late + np.cumsum(excess)
@@ -509,7 +509,7 @@ class Losses:
         if count > _SAMPLE:
             self.interval_ns = time / count
 
-    def _among_jitter(self, excess: Array) -> Integers:
+    def _missing_by_jitter(self, excess: Array) -> Integers:
         """Return the missing samples if stamps jitter: lasting shifts against the count."""
         spread = 1.4826 * float(np.median(np.abs(excess))) / np.sqrt(2.0)
         if spread > _NUMBERED:
@@ -682,7 +682,7 @@ def estimate_clock(t_ns: Times, equal: Mask | None = None) -> Clock:
         values = f": all {len(t_ns)} are {t_ns[0]} ns" if len(t_ns) > 1 else ""
         raise InputError(f"fewer than two different stamps{values}: no rate")
     order = order_stamps(t_ns)
-    pieces, duplicates = without_duplicates(t_ns, order.pieces, equal)
+    pieces, duplicates = drop_duplicates(t_ns, order.pieces, equal)
     pattern = find_pattern(t_ns[max(pieces, key=len)])
     losses = [Losses(pattern) for _ in pieces]
     counts = [count.count(t_ns[piece]) for count, piece in zip(losses, pieces, strict=True)]
@@ -717,7 +717,7 @@ def repeats(values: Array) -> Mask:
     return equal
 
 
-def unchanged_rows(gyro: Array | None, accel: Array | None) -> Mask | None:
+def repeated_value_rows(gyro: Array | None, accel: Array | None) -> Mask | None:
     """Return True (n,) where readings (n, 3) have the values of the ones before them.
 
     :returns: None without any triad: then values tell nothing of messages that came twice.
@@ -728,7 +728,7 @@ def unchanged_rows(gyro: Array | None, accel: Array | None) -> Mask | None:
     return np.logical_and.reduce([repeats(triad) for triad in triads])
 
 
-def without_duplicates(
+def drop_duplicates(
     t_ns: Times, pieces: tuple[Integers, ...], equal: Mask | None
 ) -> tuple[list[Integers], Integers]:
     """Return the rows of pieces without messages that came twice, and the rows of those.

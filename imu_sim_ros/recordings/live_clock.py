@@ -58,7 +58,7 @@ class LiveClock:
         self._last_ns: int | None = None
         self._change_count = self._pauses = 0
 
-    def restarted(self) -> "LiveClock":
+    def restart(self) -> "LiveClock":
         """Return a clock with the same gap before its first stamp."""
         return LiveClock(self._max_gap)
 

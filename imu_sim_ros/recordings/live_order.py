@@ -12,7 +12,7 @@ from typing import Final, Generic
 
 import numpy as np
 
-from imu_sim_ros.core.records import SeriesT, TimeSeries, concatenated, with_fields
+from imu_sim_ros.core.records import SeriesT, TimeSeries, concatenate, replace_fields
 from imu_sim_ros.core.types import Mask, Times, field_values
 from imu_sim_ros.recordings.clock import SHORT, decimal_unit
 from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
@@ -76,7 +76,7 @@ class Spreading(Generic[SeriesT]):
             self._rank = 0
             return readings
         if repeats and previous is not None:
-            changes = _changes(concatenated([previous.rows(slice(-1, None)), readings])).tolist()
+            changes = _changes(concatenate([previous.rows(slice(-1, None)), readings])).tolist()
         else:
             changes, self._rank = [False, *_changes(readings).tolist()], 0
         ranks, rank = [], self._rank
@@ -87,7 +87,7 @@ class Spreading(Generic[SeriesT]):
         self._rank = rank
         self.spread += int(np.count_nonzero(ranks))
         later = np.rint(np.array(ranks) * self._nominal_ns).astype(np.int64)
-        return with_fields(readings, t_ns=t_ns + later)
+        return replace_fields(readings, t_ns=t_ns + later)
 
 
 class Order(Generic[SeriesT]):
@@ -129,7 +129,7 @@ class Order(Generic[SeriesT]):
         """
         waiting_count = 0 if self._waiting is None else len(self._waiting.t_ns)
         if self._waiting is not None:
-            readings, self._waiting = concatenated([self._waiting, readings]), None
+            readings, self._waiting = concatenate([self._waiting, readings]), None
         t_ns = readings.t_ns.tolist()
         if not t_ns:
             return ()
@@ -139,9 +139,9 @@ class Order(Generic[SeriesT]):
         if t_ns[0] > self.last_ns and increase:
             self.last_ns = t_ns[-1]
             return ((readings, 0),)
-        return self._sorted_out(readings, t_ns, waiting_count, left_out, taken_back)
+        return self._sort_late_readings(readings, t_ns, waiting_count, left_out, taken_back)
 
-    def _sorted_out(
+    def _sort_late_readings(
         self,
         readings: SeriesT,
         t_ns: Sequence[int],

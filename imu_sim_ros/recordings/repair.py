@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import States, replace_fields
 from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.recordings.arrival import even_times
 from imu_sim_ros.recordings.clock import estimate_clock
@@ -74,12 +74,12 @@ class Mended(NamedTuple):
     disturbances: Disturbances
 
 
-def mended(poses: States) -> Mended:
+def repair_poses(poses: States) -> Mended:
     """Return the poses as a body may have moved through them.
 
     :param poses: (n,) recorded poses; stamps increase, quaternions have any sign.
     """
-    poses = with_fields(poses, q_wb=rotation.continuous(poses.q_wb))
+    poses = replace_fields(poses, q_wb=rotation.unwrap_signs(poses.q_wb))
     t, repeats = poses.t, _held_rows(poses)
     if not len(repeats):
         return _mend_moving(t, poses)
@@ -137,7 +137,7 @@ def _remove_disturbances(t: Array, poses: States, scatter: float, interval: floa
             single += rows[dropped].tolist()
         rows = np.setdiff1d(rows, single)
     outliers = np.array(sorted(single), dtype=np.int64)
-    distance, angle = _apart(t, poses, rows, outliers)
+    distance, angle = _distances_from_neighbours(t, poses, rows, outliers)
     disturbances = Disturbances(
         outliers, distance, angle, sorted(jumps, key=_row), scatter, interval, nothing
     )
@@ -255,11 +255,13 @@ def _join_at_jump(poses: States, jump: Jump) -> States:
     back = rotation.exp(-jump.turn)
     joint = position[jump.row] - jump.shift
     position[rows] = joint + rotation.rotate(back, position[rows] - jump.shift - joint)
-    q_wb[rows] = rotation.continuous(rotation.multiply(back, q_wb[rows]))
-    return with_fields(poses, position=position, q_wb=q_wb)
+    q_wb[rows] = rotation.unwrap_signs(rotation.multiply(back, q_wb[rows]))
+    return replace_fields(poses, position=position, q_wb=q_wb)
 
 
-def _apart(t: Array, poses: States, rows: Integers, outliers: Integers) -> tuple[Array, Array]:
+def _distances_from_neighbours(
+    t: Array, poses: States, rows: Integers, outliers: Integers
+) -> tuple[Array, Array]:
     """Return how far poses (k,) lie from the straight line between their neighbours that stay."""
     if not len(outliers):
         return np.zeros(0), np.zeros(0)
@@ -281,7 +283,7 @@ _LARGEST_RATE: Final = 35.0
 """[rad/s] 2000 deg/s, the widest range of consumer sensors."""
 
 
-def beyond_any_body(
+def impossible_motion_lines(
     file: str, acceleration: float, acceleration_at: float, rate: float, rate_at: float
 ) -> list[str]:
     """Return a line for each peak of a spline that no body carrying an IMU could reach.

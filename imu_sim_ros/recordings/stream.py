@@ -14,10 +14,10 @@ from imu_sim_ros.core.types import Array, Integers, Times
 from imu_sim_ros.recordings.clock import (
     Losses,
     StampPattern,
+    drop_duplicates,
     find_pattern,
     kind_of_stamps,
     number_unit,
-    without_duplicates,
 )
 from imu_sim_ros.recordings.order import CLOCK_CHANGE_NS, RESET_READINGS, order_stamps, usual_step
 
@@ -123,7 +123,7 @@ class ClockStream:
         equal = None
         if values.shape[1] and np.any(t_ns[1:] == t_ns[:-1]):
             equal = np.append(False, np.all(values[1:] == values[:-1], axis=1))
-        pieces, duplicates = without_duplicates(t_ns, order.pieces, equal)
+        pieces, duplicates = drop_duplicates(t_ns, order.pieces, equal)
         self.strays += self._number(order.strays, end)
         self.late += self._number(order.late, end)
         self.resets += self._number(order.resets, end)

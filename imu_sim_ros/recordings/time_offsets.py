@@ -25,7 +25,7 @@ from imu_sim_ros.core.timebase import seconds_since
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.states import StateMeasures
-from imu_sim_ros.recordings.tracks import FeatureTracks, turn_between
+from imu_sim_ros.recordings.tracks import FeatureTracks, rotation_between_frames
 
 LARGEST: Final = 1.0
 """Largest offset of the search, in both directions [s]."""
@@ -188,7 +188,7 @@ def turn_angles_of_tracks(tracks: FeatureTracks) -> TurnAngles:
     # The translation in a short step is hardly told from a rotation.
     apart = max(math.ceil(_STEP * (len(frames) - 1) * 1e9 / max(int(np.ptp(t_ns)), 1)), 1)
     frames, t_ns = frames[::apart], t_ns[::apart]
-    turns = [turn_between(*neighbours) for neighbours in pairwise(frames)]
+    turns = [rotation_between_frames(*neighbours) for neighbours in pairwise(frames)]
     is_joined = np.array([turn is not None for turn in turns])
     is_joined &= np.diff(t_ns) < _LONGEST_WINDOW * 1e9
     rows = _longest_run(is_joined)
@@ -331,7 +331,7 @@ class _Pair:
 
         Directions in which nothing turns are left out.
         """
-        axes = rates @ _turning(rates)
+        axes = rates @ _turn_directions(rates)
         axes = axes / np.linalg.norm(axes, axis=0)
         explained = axes @ (axes.T @ self._rates)
         return axes, self._rates - explained
@@ -343,7 +343,7 @@ class _Pair:
         """
         earlier, rates, later = (self._shift(shift + s) for s in self.window * _DIFFERENCE)
         axes, residuals = self._fit(rates)
-        turning = _turning(rates)
+        turning = _turn_directions(rates)
         mounting = turning @ np.linalg.lstsq(rates @ turning, self._rates, rcond=None)[0]
 
         def effect(slopes: Array) -> Array:
@@ -408,7 +408,7 @@ def half_interval(t: Array, parts: Array, slopes: Array, correlated: float) -> f
     return float(stdtrit(freedom, 0.975) * np.sqrt(variance)) / slope
 
 
-def _turning(rates: Array) -> Array:
+def _turn_directions(rates: Array) -> Array:
     """Return the directions (3, m), orthonormal, about which rates (n, 3) turn."""
     values, directions = np.linalg.eigh(rates.T @ rates)
     return np.asarray(directions[:, values > len(rates) * _TURNING**2])

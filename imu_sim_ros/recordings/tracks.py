@@ -42,7 +42,7 @@ class FeatureTracks(NamedTuple):
     """Frames in the order of arrival."""
 
 
-def turn_between(earlier: TrackedFrame, later: TrackedFrame) -> Array | None:
+def rotation_between_frames(earlier: TrackedFrame, later: TrackedFrame) -> Array | None:
     """Return the rotation vector (3,) from one frame of a camera to the next [rad].
 
     It is resolved in the axes of the camera; None: the frames have too few features in common.

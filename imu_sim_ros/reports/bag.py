@@ -50,7 +50,7 @@ def reading_sections(
             blocks = list(blocks)
             count = sum(map(len, blocks))
         remarks: list[str] = []
-        stream = analyse(_noting(blocks, remarks), count)
+        stream = analyse(_collect_notes(blocks, remarks), count)
         if stream is not None:
             items += [{"kind": "text", "text": f"{name or path.name}: {note}"} for note in remarks]
             items += _stream_items(name or path.name, stream, f"{path} {name}")
@@ -71,7 +71,7 @@ def _topics(path: Path) -> list[TopicInfo]:
         return bag.topics
 
 
-def _noting(blocks: Iterable[Readings], notes: list[str]) -> Iterator[Readings]:
+def _collect_notes(blocks: Iterable[Readings], notes: list[str]) -> Iterator[Readings]:
     """Yield blocks of readings unchanged, and append their notes."""
     for block in blocks:
         notes += [note for note in block.notes if note not in notes]

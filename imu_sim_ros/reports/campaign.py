@@ -18,14 +18,14 @@ from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import judge, list_varying_names
 from imu_sim_ros.core.conventions import SERIES_COLOURS
 from imu_sim_ros.core.errors import InputError, Problems
-from imu_sim_ros.core.names import unknown
-from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.names import unknown_name_line
+from imu_sim_ros.core.spelling import argument_prefix
 from imu_sim_ros.inputs.rows import is_present, read_text
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.reports.page import Item, Section, column, table
-from imu_sim_ros.reports.runs import opened, repeated
-from imu_sim_ros.reports.verdict import against_baseline, short, verdict_section
+from imu_sim_ros.reports.runs import common_plan, run_details
+from imu_sim_ros.reports.verdict import baseline_table, short_label, verdict_section
 
 _SENSORS: Final = {
     "gyroscope_noise_density": "rad/s/sqrt(Hz)",
@@ -69,14 +69,14 @@ def campaign_sections(
         another plan.
     """
     problems, earlier = Problems(), []
-    with problems.gathered():
+    with problems.collect():
         plan = load_plan(folder / PLAN)
-    with problems.gathered():
+    with problems.collect():
         rows = read_results(folder)
         if not rows:
             raise InputError(f"{folder}: contains no run yet")
     for path in baselines:
-        with problems.gathered():
+        with problems.collect():
             earlier.append((_campaign_name(path), read_results(path)))
     problems.tell()
     notes: list[str] = []
@@ -90,7 +90,9 @@ def campaign_sections(
     present = [name for name in plan.metrics if any(row.get(name) is not None for row in rows)]
     if metric and metric not in (*present, SUCCESS):
         none = None if present else "no run is done"
-        raise InputError(unknown(stated("metric"), metric, [*present, SUCCESS], none))
+        raise InputError(
+            unknown_name_line(argument_prefix("metric"), metric, [*present, SUCCESS], none)
+        )
     groups = group_runs(rows, plan.grid_names)
     chosen = metric or ("ate_rmse_m" if "ate_rmse_m" in present else [*present, SUCCESS][0])
     latest_rows = earlier[-1][1] if earlier else None
@@ -100,7 +102,7 @@ def campaign_sections(
         judgements.append((label(SUCCESS), judge(plan, rows, SUCCESS, None, tolerance)))
     verdict = verdict_section(plan, judgements, groups, str(folder))
     if judged.baseline:
-        verdict.items.append(against_baseline(judged.baseline, chosen, earlier[-1][0]))
+        verdict.items.append(baseline_table(judged.baseline, chosen, earlier[-1][0]))
     verdict.items.extend({"kind": "text", "text": note} for note in notes)
     sections = [verdict, _results(plan, rows, groups, present, chosen, folder)]
     if earlier:
@@ -169,8 +171,8 @@ def _results(
         ],
         "sensors": _sensors(plan, groups),
         "consistency": _consistency(groups),
-        "opened": opened(plan, rows, groups, folder, chosen),
-        "plan": repeated(folder),
+        "opened": run_details(plan, rows, groups, folder, chosen),
+        "plan": common_plan(folder),
         "cells": {cell.name: cell.values for cell in plan.cells()},
     }
     return Section("Results", [item])
@@ -185,8 +187,8 @@ def _group(group: Group, metrics: Sequence[str], varying: Sequence[str]) -> Item
         if len(numbers):
             summary[name] = list(quantile(numbers, 0.5))
     labels = {"cell": group.cell, "estimator": group.estimator}
-    where = short(group.labels, [name for name in varying if name != "estimator"])
-    labels |= {"label": short(group.labels, varying), "place": where}
+    where = short_label(group.labels, [name for name in varying if name != "estimator"])
+    labels |= {"label": short_label(group.labels, varying), "place": where}
     return {**labels, "values": values, "metrics": summary}
 
 
@@ -213,7 +215,11 @@ def _trend(
             for k, campaign in enumerate(campaigns)
             if key in campaign
         ]
-        line = {"name": short(group.labels, varying), "colour": colour, "x": [k for k, _ in points]}
+        line = {
+            "name": short_label(group.labels, varying),
+            "colour": colour,
+            "x": [k for k, _ in points],
+        }
         line["y"] = [interval.value for _, interval in points]
         line["low"] = [interval.low for _, interval in points]
         line["high"] = [interval.high for _, interval in points]
@@ -307,7 +313,7 @@ def _consistency(groups: Sequence[Group]) -> Item | None:
         "kind": "plot",
         "title": "Consistency: mean NEES of the final state",
         "x": {"label": "NEES, 3 expected", "log": True},
-        "categories": [short(group.labels, varying) for group in shown],
+        "categories": [short_label(group.labels, varying) for group in shown],
         "series": series,
         "caption": "95 % of the cells of a consistent estimator lie in the band; left of it the "
         f"covariance is too large, right of it too small.{rest}",

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.clouds import measured_clouds, read_clouds
+from imu_sim_ros.bags.clouds import measured_cloud_topics, read_clouds
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.core.errors import ImuSimError, InputError
@@ -44,7 +44,7 @@ def cloud_sections(path: Path) -> list[Section]:
     sections = []
     with open_bag(path) as bag:
         topics = [info for info in bag.topics if info.count]
-    for name in measured_clouds(path):
+    for name in measured_cloud_topics(path):
         info = next(topic for topic in topics if topic.name == name)
         try:
             items = _items(path, info, topics)
@@ -164,7 +164,7 @@ def _pictures(name: str, scans: list[tuple[int, Array, AnyArray]], first_ns: int
     half = float(np.quantile(reaches, _WITHIN)) or 1.0
     frames = []
     for t_ns, positions, points in scans:
-        data = base64.b64encode(png(_from_above(positions, points, half))).decode()
+        data = base64.b64encode(png(_top_view(positions, points, half))).decode()
         frames.append({"t_s": (t_ns - first_ns) * 1e-9, "png": data})
     text = (
         f"{name}: scans from above, x to the right, y up, {2.0 * half:.3g} m wide with "
@@ -173,7 +173,7 @@ def _pictures(name: str, scans: list[tuple[int, Array, AnyArray]], first_ns: int
     return [{"kind": "strip", "title": text, "frames": frames}]
 
 
-def _from_above(positions: Array, points: AnyArray, half: float) -> Bytes:
+def _top_view(positions: Array, points: AnyArray, half: float) -> Bytes:
     """Return a picture (_PIXELS, _PIXELS) of a scan; of points in one pixel the brightest."""
     grey = np.full(len(positions), 255.0)
     if "intensity" in (points.dtype.names or ()) and len(positions):

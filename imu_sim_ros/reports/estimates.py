@@ -17,13 +17,13 @@ from imu_sim_ros.campaigns.common_time import common_spans, pose_spans, span_mas
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import AXES
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import States, replace_fields
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.navigation.comparison import Comparison, compare
 from imu_sim_ros.navigation.evaluation import anees_band, gauge_at, invertible, nees, statistics
 from imu_sim_ros.recordings.order import POSES_GAP
 from imu_sim_ros.reports.page import Item, Section, plot, table
-from imu_sim_ros.reports.streams import curve, extremes, track
+from imu_sim_ros.reports.streams import curve, extreme_rows, track
 
 NOT_MEASURED: Final = 1e5
 """Variance from which a number is not measured: odometry of wheels states 1e6 of its height."""
@@ -129,7 +129,7 @@ def _compare(states: States, truth: States | None, colour: int) -> ComparedEstim
         if covariance is not None:
             turn = np.kron(np.eye(2), gauge.r)
             covariance = turn @ covariance @ turn.T
-        placed = with_fields(gauge.apply(poses), covariance=covariance, frame_id=truth.frame_id)
+        placed = replace_fields(gauge.apply(poses), covariance=covariance, frame_id=truth.frame_id)
         return ComparedEstimate(placed, colour, compare(placed, truth), moved=True)
     except InputError as error:
         return ComparedEstimate(states, colour, None, str(error))
@@ -375,7 +375,7 @@ def _orientation(
         angles = np.rad2deg(rotation.to_euler(states.q_wb))
         t_s = (states.t_ns - start_ns) * 1e-9
         for k in range(3):
-            rows = extremes(angles[:, k])
+            rows = extreme_rows(angles[:, k])
             values = angles[rows, k]
             # A turn through 180 deg is a step of the angle, not a motion: the line is interrupted.
             values[1:][np.abs(np.diff(values)) > _TURN_DEG] = np.nan
@@ -438,7 +438,7 @@ def error_series(
     t_s: Array, errors: Array, variance: Array | None, colour: int | str
 ) -> list[Item]:
     """Return the line of errors (n,) and the band of three stated deviations, in one colour."""
-    rows = extremes(errors)
+    rows = extreme_rows(errors)
     line: Item = {"name": "error", "colour": colour, "x": t_s[rows], "y": errors[rows]}
     if variance is None:
         return [line]
@@ -456,7 +456,7 @@ def _summary(name: str, comparison: Comparison, t_s: Array) -> str:
         f"{name}: {comparison.rms_position:.4g} m root mean square over {len(size):,} poses, "
         f"{size[-1]:.4g} m at the end, at most {size[worst]:.4g} m (at {t_s[worst]:.6g} s); "
         f"estimate minus truth; {comparison.coverage.words()} of the truth's time"
-        f"{without_truth(comparison.without_truth, 'poses')}"
+        f"{uncovered_count_text(comparison.without_truth, 'poses')}"
     )
     if _covariance(comparison) is None:
         return f"{text}; it has no covariance, hence no NEES"
@@ -471,6 +471,6 @@ def _summary(name: str, comparison: Comparison, t_s: Array) -> str:
     return text
 
 
-def without_truth(count: int, kind: str) -> str:
+def uncovered_count_text(count: int, kind: str) -> str:
     """Return the number of poses or readings that have no truth, for the end of a sentence."""
     return f"; {count:,} {kind} without a truth are left out" if count else ""

@@ -11,7 +11,7 @@ from imu_sim_ros.reports.page import Item, Section, table
 _COLUMNS = ["severity", "kind", "source", "place", "evidence", "effect", "what to do"]
 
 
-def finding_section(findings: Iterable[Finding], title: str = "Findings") -> Section:
+def findings_section(findings: Iterable[Finding], title: str = "Findings") -> Section:
     """Return the section of a page with findings in their order; without any it says so."""
     rows = [
         [

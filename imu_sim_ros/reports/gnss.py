@@ -11,7 +11,7 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode import NAV_SAT_FIX, TWIST_WITH_COVARIANCE
-from imu_sim_ros.bags.read import decoded_blocks, open_bag
+from imu_sim_ros.bags.read import decode_blocks, open_bag
 from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.reports.page import Item, Section
@@ -81,7 +81,7 @@ def _quantity(unit: str, t_ns: Times, values: Array, variance: Array) -> Measure
 def _read_fixes(path: Path, name: str) -> tuple[Times, Array, Array, Array]:
     """Return stamps, latitude, longitude, height (n, 3), stated variances (n, 3), status (n,)."""
     names = ("latitude", "longitude", "altitude", "position_covariance", "status")
-    blocks = list(decoded_blocks(path, NAV_SAT_FIX, name, names))
+    blocks = list(decode_blocks(path, NAV_SAT_FIX, name, names))
     columns = {key: np.concatenate([block.numbers[key] for block in blocks]) for key in names}
     geodetic = np.column_stack([columns[key].reshape(-1) for key in names[:3]])
     variance = columns["position_covariance"].reshape(-1, 9)[:, ::4]
@@ -92,7 +92,7 @@ def _read_fixes(path: Path, name: str) -> tuple[Times, Array, Array, Array]:
 def _read_velocities(path: Path, name: str) -> MeasuredQuantity:
     """Return the velocities of a topic with their variances."""
     names = ("linear", "twist_covariance")
-    blocks = list(decoded_blocks(path, TWIST_WITH_COVARIANCE, name, names))
+    blocks = list(decode_blocks(path, TWIST_WITH_COVARIANCE, name, names))
     velocity, covariance = (
         np.concatenate([block.numbers[key] for block in blocks]) for key in names
     )

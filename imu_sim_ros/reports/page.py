@@ -20,9 +20,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS
-from imu_sim_ros.core.names import printable
+from imu_sim_ros.core.names import printable_text
 from imu_sim_ros.core.types import JsonObject
-from imu_sim_ros.terminal.json_text import as_json as to_json
+from imu_sim_ros.terminal.json_text import json_text as to_json
 
 _SCRIPTS: Final = (
     *("base.js", "plot.js", "path.js", "table.js"),
@@ -69,7 +69,7 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
         "img-src data:; base-uri 'none'; form-action 'none'"
     )
     subtitle = "".join(f'<p class="faint">{markup.escape(line)}</p>\n' for line in lines)
-    return printable(
+    return printable_text(
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -77,12 +77,12 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
         f"<header><h1>{markup.escape(title)}</h1>\n{subtitle}"
         "<noscript><p>The plots and tables need JavaScript.</p></noscript></header>\n"
         '<nav><div><div id="links"></div></div></nav>\n<main></main>\n'
-        f'<script type="application/json" id="content">{as_json(content)}</script>\n'
+        f'<script type="application/json" id="content">{json_for_script(content)}</script>\n'
         f"<script>{script}</script>\n</body>\n</html>\n"
     )
 
 
-def as_json(content: object) -> str:
+def json_for_script(content: object) -> str:
     """Return content as JSON that is safe in a script element."""
     text = to_json(content, _six_digits, separators=(",", ":"))
     for letter in "<>&":

@@ -37,7 +37,7 @@ _POINTS: Final = 60
 """Columns of a path, each with its extremes."""
 
 
-def opened(
+def run_details(
     plan: Plan, rows: Sequence[Row], groups: Sequence[Group], folder: Path, metric: str
 ) -> Item:
     """Return details of runs by row.
@@ -63,7 +63,7 @@ def opened(
     return result
 
 
-def repeated(folder: Path) -> Item:
+def common_plan(folder: Path) -> Item:
     """Return a campaign's plan without gate, grid and seeds: the part common to all runs."""
     import yaml
 

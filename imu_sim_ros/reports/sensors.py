@@ -21,7 +21,7 @@ from imu_sim_ros.bags.messages.encode import IMU, NAV_SAT_FIX, ODOMETRY
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
 from imu_sim_ros.bags.messages.layouts import TYPES, fields
 from imu_sim_ros.bags.messages.schemas import Message
-from imu_sim_ros.bags.read import decoded_blocks, open_bag
+from imu_sim_ros.bags.read import decode_blocks, open_bag
 from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.bags.sensor_tables import read_table
 from imu_sim_ros.core import rotation
@@ -33,9 +33,9 @@ from imu_sim_ros.core.types import Array, Keywords, Times, field_values
 from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.evaluation import attitude_errors
-from imu_sim_ros.reports.estimates import NOT_MEASURED, error_series, without_truth
+from imu_sim_ros.reports.estimates import NOT_MEASURED, error_series, uncovered_count_text
 from imu_sim_ros.reports.page import Item, Section, plot
-from imu_sim_ros.reports.streams import extremes
+from imu_sim_ros.reports.streams import extreme_rows
 from imu_sim_ros.sensors import reading_tables
 
 TRUTH: Final = "ground_truth/"
@@ -188,7 +188,7 @@ def _numbers(
         names = tuple(
             name for name, kind, _ in fields(type_name) if kind == "f8" and name not in excluded
         )
-        blocks = list(decoded_blocks(path, type_name, topic, names))
+        blocks = list(decode_blocks(path, type_name, topic, names))
         columns = {
             name: np.concatenate([block.numbers[name] for block in blocks]) for name in names
         }
@@ -262,7 +262,7 @@ def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> li
     ]
     name = f"{info.name}: orientation"
     text = f"{_summary(name, error, variance, AXES, 'rad')}; the truth is that of the body"
-    text += without_truth(len(readings.t_ns) - len(rows), "readings")
+    text += uncovered_count_text(len(readings.t_ns) - len(rows), "readings")
     plots = [_readings(turns[0], turns[1], name, str(path))]
     plots += _error_plots(t_ns, error, variance, AXES, name, "rad", str(path))
     return [{"kind": "text", "text": text}, {"kind": "plots", "items": plots}]
@@ -280,7 +280,7 @@ def comparison(
     link = f"{link} {topic}"
     if truth is None:
         sigma = np.sqrt(measured.variance)
-        rows = extremes(sigma)
+        rows = extreme_rows(sigma)
         series = [
             {
                 "name": column,
@@ -309,7 +309,7 @@ def comparison(
     plots = [_readings(measured, truth, name, link)]
     plots += _error_plots(t_ns, error, variance, measured.columns, name, measured.unit, link)
     text = _summary(name, error, variance, measured.columns, measured.unit)
-    text += without_truth(len(measured.t_ns) - len(rows), "readings")
+    text += uncovered_count_text(len(measured.t_ns) - len(rows), "readings")
     return [{"kind": "text", "text": text}, {"kind": "plots", "items": plots}]
 
 
@@ -325,7 +325,7 @@ def _readings(measured: MeasuredQuantity, truth: MeasuredQuantity, name: str, li
         for quantity in (measured, truth):
             t_s = (quantity.t_ns - measured.t_ns[0]) * 1e-9
             values = quantity.values[:, quantity.columns.index(column)]
-            rows = extremes(values)
+            rows = extreme_rows(values)
             series.append({"name": column, "x": t_s[rows], "y": values[rows]})
             series[-1]["colour"] = column_colour(column, k)
             if quantity is truth:

@@ -151,7 +151,7 @@ def bias_series(path: Path, topics: Sequence[TopicInfo]) -> list[tuple[str, str,
         t_s = (t_ns - t_ns[0]) * 1e-9
         series = []
         for k, axis in enumerate("xyz"):
-            rows = extremes(values[:, k])
+            rows = extreme_rows(values[:, k])
             line = {"name": axis, "colour": axis, "x": t_s[rows], "y": values[rows, k]}
             series.append(line | {"thin": True})
         unit = next((unit for name, unit in _bias_units().items() if name in topic.name), "")
@@ -220,7 +220,7 @@ class StreamPlots(NamedTuple):
     """True if the IMU rests nearly all the time, so that its deviation is that of its noise."""
 
 
-def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
+def extreme_rows(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
     """Return the rows that a picture needs: both ends, and each column's smallest and largest.
 
     :param values: (n,), or (n, k) with extremes of each of the k columns.
@@ -239,13 +239,13 @@ def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
 
 def curve(name: str, colour: int, t_s: Array, values: Array) -> Item:
     """Return the curve of values (n,) over times (n,) [s], thinned to its extremes."""
-    rows = extremes(values)
+    rows = extreme_rows(values)
     return {"name": name, "colour": colour, "x": t_s[rows], "y": values[rows]}
 
 
 def track(name: str, colour: int | None, positions: Array, columns: int = PARTS) -> Item:
     """Return a path of positions (n, 3) [m], thinned to its extremes in each column."""
-    x, y, z = positions[extremes(positions, columns)].T
+    x, y, z = positions[extreme_rows(positions, columns)].T
     return {"name": name, "colour": colour, "x": x, "y": y, "z": z}
 
 
@@ -384,7 +384,7 @@ class _Analysis:
             frequency,
             density,
             self._deviation.result(),
-            self._rest_share.at_rest(),
+            self._rest_share.is_at_rest(),
         )
 
     def _reduce_last(self) -> None:
@@ -417,7 +417,7 @@ class _RestShare:
             self._resting += int(np.count_nonzero(measures.rest))
         self._t_ns, self._values = self._t_ns[count:], self._values[count:]
 
-    def at_rest(self) -> bool:
+    def is_at_rest(self) -> bool:
         """Return True if the stream rests nearly all the time."""
         if len(self._t_ns):
             self._judge(len(self._t_ns))

@@ -38,7 +38,7 @@ _MAX_OTHERS: Final = 30
 """Largest number of further comparisons that are listed."""
 
 
-def short(labels: dict[str, str], varying: Sequence[str]) -> str:
+def short_label(labels: dict[str, str], varying: Sequence[str]) -> str:
     """Return a group's name by its varying parameters, with the last parts of their names."""
     parts = []
     for name in varying:
@@ -48,7 +48,7 @@ def short(labels: dict[str, str], varying: Sequence[str]) -> str:
     return ", ".join(parts) or "all"
 
 
-def query(cell: str, estimator: str) -> str:
+def search_query(cell: str, estimator: str) -> str:
     """Return the search that finds the runs of a group."""
     quoted = [text.replace('"', "") for text in (cell, estimator)]
     return f'cell="{quoted[0]}" estimator="{quoted[1]}"'
@@ -67,7 +67,7 @@ def verdict_section(
     varying = list_varying_names(groups)
 
     def place(cell: str, estimator: str) -> str:
-        return short(places[cell, estimator].labels, varying)
+        return short_label(places[cell, estimator].labels, varying)
 
     missed = [outcome for outcome in main.requirements if not outcome.met]
     reported = {outcome.requirement for outcome in missed}
@@ -78,7 +78,7 @@ def verdict_section(
             {"requirement": outcome.requirement, "comment": outcome.comment}
             | {
                 "place": place(outcome.cell, outcome.estimator),
-                "query": query(outcome.cell, outcome.estimator),
+                "query": search_query(outcome.cell, outcome.estimator),
             }
             for outcome in missed
         ],
@@ -89,7 +89,7 @@ def verdict_section(
             "runs": failure.runs,
             "place": place(failure.cell, failure.estimator),
         }
-        | {"query": f"{query(failure.cell, failure.estimator)} status=failed"}
+        | {"query": f"{search_query(failure.cell, failure.estimator)} status=failed"}
         for failure in main.failures
     ]
     findings = [
@@ -98,7 +98,7 @@ def verdict_section(
             "runs": finding.runs,
             "place": place(finding.cell, finding.estimator),
         }
-        | {"query": query(finding.cell, finding.estimator)}
+        | {"query": search_query(finding.cell, finding.estimator)}
         for finding in main.findings
     ]
     item: Item = {
@@ -227,7 +227,7 @@ def _contest(
         for effect in contest.effects
     ]
     return {
-        "place": short(contest.where, where) if where else "",
+        "place": short_label(contest.where, where) if where else "",
         "where": {name: contest.where[name] for name in where},
         "ranking": contest.ranking,
         "unranked": contest.unranked,
@@ -335,7 +335,7 @@ def _seeds(a: Group, b: Group, metric: str, ratio: bool) -> list[float]:
     return [a_value - b_value for a_value, b_value in pairs[:_MAX_SEEDS]]
 
 
-def against_baseline(effects: Sequence[Effect], metric: str, name: str) -> Item:
+def baseline_table(effects: Sequence[Effect], metric: str, name: str) -> Item:
     """Return the table of each group compared with the same one of an earlier campaign."""
     rows = [
         [

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.errors import ConfigurationError, Problems
-from imu_sim_ros.core.names import shown, suggestion
+from imu_sim_ros.core.names import short_repr, suggestion
 from imu_sim_ros.core.spelling import argument
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def all_sensors() -> "tuple[list[Sensor[MountedParameters]], list[str]]":
     sensors: list[Sensor[MountedParameters]] = []
     problems = Problems()
     for name in dict.fromkeys([*switchable_sensors(), *_REGISTERED, *sorted(_entry_points())]):
-        with problems.gathered():
+        with problems.collect():
             sensors.append(find_sensor(name))
     return sensors, problems
 
@@ -185,7 +185,7 @@ def _check(sensor: object, what: str) -> "Sensor[MountedParameters]":
     from imu_sim_ros.sensors.parameters import SensorParameters
 
     if not isinstance(sensor, Sensor):
-        raise ConfigurationError(f"{what}: {shown(sensor)} is not a Sensor")
+        raise ConfigurationError(f"{what}: {short_repr(sensor)} is not a Sensor")
     problems = []
     of_imus = [companion.name for companion in sensors_of_imus()]
     if not _NAME.fullmatch(sensor.name) or sensor.name in of_imus:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, Protocol, T
 import numpy as np
 
 from imu_sim_ros.core.records import TimeSeries
-from imu_sim_ros.core.timebase import span
+from imu_sim_ros.core.timebase import describe_span
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -338,4 +338,4 @@ class SensorReadings:
         return len(self.t_ns)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {span(self.t_ns)}>"
+        return f"<{type(self).__name__}: {describe_span(self.t_ns)}>"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.timebase import span
+from imu_sim_ros.core.timebase import describe_span
 from imu_sim_ros.core.types import Array, Times
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class RecordedSamples:
         return len(self.t_ns)
 
     def __repr__(self) -> str:
-        return f"<RecordedSamples {self.name}: {span(self.t_ns)}>"
+        return f"<RecordedSamples {self.name}: {describe_span(self.t_ns)}>"
 
 
 def read_samples(table: "Table", path: str | Path, topic: str | None) -> RecordedSamples:

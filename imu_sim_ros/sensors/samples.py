@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from imu_sim_ros.core.records import TimeSeries, concatenated
+from imu_sim_ros.core.records import TimeSeries, concatenate
 from imu_sim_ros.core.types import Integers, Times, shapes
 
 Rows: TypeAlias = "slice | Integers"
@@ -126,7 +126,7 @@ def _rows(values: Any, rows: slice) -> Any:
 def _join(parts: Sequence[Any]) -> Any:
     """Return arrays, tuples of arrays, or records, one behind the other."""
     if isinstance(parts[0], TimeSeries):
-        return concatenated(parts)
+        return concatenate(parts)
     if isinstance(parts[0], tuple):
         return type(parts[0])(*map(_join, zip(*parts, strict=True)))
     if all(part.strides[0] == 0 for part in parts):  # an error that the sensor does not have

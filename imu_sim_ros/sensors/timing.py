@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 
 from imu_sim_ros.core import timebase
-from imu_sim_ros.core.components import limit, whole
+from imu_sim_ros.core.components import clip, nearest_integer
 from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
@@ -46,7 +46,7 @@ class SampleTimes:
         :param span: how long a sample takes [s].
         """
         self._rate, self._exact_rate = rate, timebase.exact_rate(rate)
-        self._offset, self._span = timebase.exact(offset), timebase.exact(span)
+        self._offset, self._span = timebase.exact_fraction(offset), timebase.exact_fraction(span)
         self._t0_ns, self._first_ns = t0_ns, t0_ns + timebase.to_nanoseconds(offset)
 
     def index(self, t: Fraction) -> int:
@@ -200,10 +200,10 @@ class SampleTiming:
         if self._skew or self._drift:
             since_ns = (true_t_ns - self._t0_ns) * 1.0
             error = self._skew + 0.5 * self._drift * (since_ns * 1e-9)
-            stamps = stamps + whole(error * since_ns)
+            stamps = stamps + nearest_integer(error * since_ns)
         if self._jitter_ns:
             jitter = self._stream("clock.jitter").standard_normal(len(stamps)) * self._jitter_ns
-            stamps = stamps + whole(limit(jitter, -self._limit_ns, self._limit_ns))
+            stamps = stamps + nearest_integer(clip(jitter, -self._limit_ns, self._limit_ns))
         return stamps
 
     def _releases(self, first: int, true_t_ns: Times) -> Times:

@@ -131,7 +131,7 @@ class Body:
         """Number of samples of the fastest IMU; None: the run has no end."""
         self._end: Fraction | None = None
         if not math.isinf(duration):
-            self._end = timebase.exact(duration)
+            self._end = timebase.exact_fraction(duration)
             self.total = timebase.sample_count(duration, self.rate)
         self.reset()
 

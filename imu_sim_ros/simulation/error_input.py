@@ -25,12 +25,12 @@ from imu_sim_ros.core.records import (
     States,
     TimeSeries,
     column,
-    concatenated,
-    with_fields,
+    concatenate,
+    replace_fields,
 )
 from imu_sim_ros.core.rotation import cross, normalise, rotate_inverse, transform
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
-from imu_sim_ros.recordings.clock import estimate_clock, unchanged_rows
+from imu_sim_ros.recordings.clock import estimate_clock, repeated_value_rows
 from imu_sim_ros.recordings.findings.catalogue import stamp_findings, unit_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.policy import ERROR_MODEL
@@ -94,7 +94,7 @@ class Conventions:
             if self._world is not None:
                 q_wb = rotation.multiply(self._world, q_wb)
         if self.nothing:
-            return with_fields(readings, q_wb=q_wb)
+            return replace_fields(readings, q_wb=q_wb)
         gyro, accel = readings.triads()
         if self._adds_gravity:
             if q_wb is None:
@@ -194,7 +194,7 @@ class Resampler:
         """Add n readings; return the samples up to the last one."""
         if self._begin_ns is None:
             self._begin_ns = int(readings.t_ns[0])
-        stretch = readings if self._kept is None else concatenated([self._kept, readings])
+        stretch = readings if self._kept is None else concatenate([self._kept, readings])
         end_ns = int(stretch.t_ns[-1])
         count = self._count_until(end_ns)
         times = timebase.sample_times_ns(self._next, count, self._rate, self._begin_ns)
@@ -255,7 +255,7 @@ class Resampler:
             of_gyro, of_accel = samples.triads()
             gyro = np.concatenate([of_gyro[:1], gyro])
             accel = np.concatenate([of_accel[:1], accel])
-        return with_fields(samples, gyro=gyro, accel=accel)
+        return replace_fields(samples, gyro=gyro, accel=accel)
 
     def _keep(self, stretch: Readings) -> None:
         """Keep the readings that the next samples need, from the one before the last sample on."""
@@ -350,7 +350,7 @@ class Differentiator:
             if back:
                 self._forget()
             blocks.append(self._differences(part))
-        return concatenated(blocks)
+        return concatenate(blocks)
 
     def _differences(self, states: States) -> Readings:
         """Return the readings that are known after n states whose stamps increase."""
@@ -690,7 +690,7 @@ def _batch_findings(t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
     :param t_ns: (n,) stamps in the order of arrival [ns].
     """
     with suppress(InputError):  # fewer than two different stamps
-        clock = estimate_clock(t_ns, unchanged_rows(gyro, accel))
+        clock = estimate_clock(t_ns, repeated_value_rows(gyro, accel))
         findings = stamp_findings(clock, "input")
         return [f for f in findings if f.kind in ("stamps_shared", "stamps_bunched")]
     return []

@@ -14,7 +14,7 @@ from imu_sim_ros.core.conventions import TWIST_FRAMES
 from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.core.timebase import exact_rate
 from imu_sim_ros.core.types import field_values
-from imu_sim_ros.parameters.files import build_layered
+from imu_sim_ros.parameters.files import build_from_layers
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     Matrix,
@@ -228,7 +228,7 @@ def load_error_model(
     :param problems: problems of earlier checks, which are raised with those of this one.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(cls, layer_error_model, parameters, problems=problems)
+    return build_from_layers(cls, layer_error_model, parameters, problems=problems)
 
 
 def orientation_problems(imu: ImuParameters, prefix: str = "") -> Iterator[str]:

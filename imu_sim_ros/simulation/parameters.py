@@ -16,11 +16,11 @@ from imu_sim_ros.core.names import nearest
 from imu_sim_ros.core.timebase import exact_rate
 from imu_sim_ros.core.types import field_values
 from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.files import build_layered
-from imu_sim_ros.parameters.kinds import Value, gravity_warnings, like, text, texts
+from imu_sim_ros.parameters.files import build_from_layers
+from imu_sim_ros.parameters.kinds import Value, copy_parameter, gravity_warnings, text, texts
 from imu_sim_ros.parameters.sections import (
     flatten,
-    listed_names,
+    names_in_parameter,
     optional_section,
     parameters,
     section,
@@ -195,9 +195,9 @@ _OF_A_SINGLE_IMU: Final = parameters(EnvironmentParameters)
 class OneImuParameters:
     """Parameters of one IMU of several."""
 
-    rate: float = like(_OF_A_SINGLE_IMU["rate"])
-    seed: int = like(_OF_A_SINGLE_IMU["seed"])
-    imu_frame: str = like(_OF_A_SINGLE_IMU["imu_frame"])
+    rate: float = copy_parameter(_OF_A_SINGLE_IMU["rate"])
+    seed: int = copy_parameter(_OF_A_SINGLE_IMU["seed"])
+    imu_frame: str = copy_parameter(_OF_A_SINGLE_IMU["imu_frame"])
     segment: str = text(
         "",
         "segment of the trajectory's file that carries the IMU, with lever_arm and mounting on it; "
@@ -215,11 +215,12 @@ def _rig_parameters() -> "type[RigParameters]":
 
 def has_scene(values: Mapping[str, object]) -> bool:
     """Return whether the parameters name a camera or another sensor that sees a scene."""
-    if listed_names("cameras", values):
+    if names_in_parameter("cameras", values):
         return True
     try:
         return any(
-            find_sensor(kind_of(name, values)).sees for name in listed_names("sensors", values)
+            find_sensor(kind_of(name, values)).sees
+            for name in names_in_parameter("sensors", values)
         )
     except ConfigurationError:  # building the parameters reports it
         return False
@@ -355,7 +356,7 @@ def load_simulation(
     :param problems: problems of earlier checks, which are raised with those of this one.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(SimulationParameters, layer_files, *layers, problems=problems)
+    return build_from_layers(SimulationParameters, layer_files, *layers, problems=problems)
 
 
 def layer_files(values: Mapping[str, object], problems: Problems) -> dict[str, object]:
@@ -388,7 +389,9 @@ def _split_by_imu(
     values: Mapping[str, object],
 ) -> tuple[dict[str, object], dict[str, dict[str, object]]]:
     """Return the values that are common to all IMUs, and those of each IMU by its name."""
-    imu_layers: dict[str, dict[str, object]] = {name: {} for name in listed_names("imus", values)}
+    imu_layers: dict[str, dict[str, object]] = {
+        name: {} for name in names_in_parameter("imus", values)
+    }
     common: dict[str, object] = {}
     for key, value in values.items():
         name, dot, parameter = key.partition(".")
@@ -402,11 +405,11 @@ def _split_by_imu(
 def _sensor_presets(values: Mapping[str, object], problems: Problems) -> dict[str, object]:
     """Return the values of the presets of all sensors with a mount of their own."""
     presets: dict[str, object] = {}
-    for name in listed_names("sensors", values):
+    for name in names_in_parameter("sensors", values):
         kind = kind_of(name, values)
         preset = values.get(f"{name}.preset")
         if preset and preset != "none":
-            with problems.gathered():
+            with problems.collect():
                 path = files.find(find_sensor(kind).presets or kind, str(preset))
                 for key, value in files.load(path).items():
                     parameter = key.removeprefix(f"{kind}.")
@@ -431,7 +434,7 @@ def _add_trajectory_file(
     motion = str(layers.setdefault("trajectory.type", DEFAULT_TRAJECTORY))
     if names_a_file(motion):
         del layers["trajectory.type"]
-        with problems.gathered(hanging="trajectory."):
+        with problems.collect(hanging="trajectory."):
             layers = {**trajectory_layer(motion), **layers}
     return layers
 
@@ -492,11 +495,13 @@ def join_layers(lower: Mapping[str, object], upper: Mapping[str, object]) -> dic
     The sensors of both layers are kept. Cameras that ``upper`` lists replace those of ``lower``,
     whose own parameters are left out.
     """
-    dropped = set(listed_names("cameras", lower)) if listed_names("cameras", upper) else set()
-    dropped -= {*listed_names("cameras", upper)}
+    dropped = (
+        set(names_in_parameter("cameras", lower)) if names_in_parameter("cameras", upper) else set()
+    )
+    dropped -= {*names_in_parameter("cameras", upper)}
     remaining = {
         name: value for name, value in lower.items() if name.partition(".")[0] not in dropped
     }
-    sensors = listed_names("sensors", lower)
-    sensors += [name for name in listed_names("sensors", upper) if name not in sensors]
+    sensors = names_in_parameter("sensors", lower)
+    sensors += [name for name in names_in_parameter("sensors", upper) if name not in sensors]
     return {**remaining, **upper, **({"sensors": sensors} if sensors else {})}

@@ -12,7 +12,7 @@ from imu_sim_ros.core import timebase
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.core.names import suggestion
-from imu_sim_ros.parameters.files import build_layered
+from imu_sim_ros.parameters.files import build_from_layers
 from imu_sim_ros.parameters.kinds import (
     Vector,
     choice,
@@ -239,7 +239,7 @@ def load_simulator(
     :param problems: problems of earlier checks, which are raised with those of this one.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(SimulatorParameters, layer_files, *layers, problems=problems)
+    return build_from_layers(SimulatorParameters, layer_files, *layers, problems=problems)
 
 
 def live_parameter_names(names: Mapping[str, object]) -> list[str]:

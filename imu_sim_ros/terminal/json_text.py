@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 
-def as_json(
+def json_text(
     value: object,
     number: Callable[[float], object] = float,
     indent: int | None = None,
@@ -28,21 +28,23 @@ def as_json(
     """
     import json  # most runs print none
 
-    return json.dumps(plain(value, number), allow_nan=False, indent=indent, separators=separators)
+    return json.dumps(
+        plain_types(value, number), allow_nan=False, indent=indent, separators=separators
+    )
 
 
-def plain(value: object, number: Callable[[float], object] = float) -> Any:
-    """Return a value in plain types; arguments as for :func:`as_json`."""
+def plain_types(value: object, number: Callable[[float], object] = float) -> Any:
+    """Return a value in plain types; arguments as for :func:`json_text`."""
     if isinstance(value, str | bool | int) or value is None:
         return value
     if isinstance(value, float):
         return number(value) if math.isfinite(value) else None
     if isinstance(value, dict):
-        return {str(key): plain(entry, number) for key, entry in value.items()}
+        return {str(key): plain_types(entry, number) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(entry, number) for entry in value]
+        return [plain_types(entry, number) for entry in value]
     if hasattr(value, "tolist"):
-        return plain(value.tolist(), number)
+        return plain_types(value.tolist(), number)
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f"{type(value).__name__} has no JSON form")

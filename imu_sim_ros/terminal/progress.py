@@ -18,7 +18,7 @@ Bar = Callable[..., AbstractContextManager[Advance]]
 """Returns a context in which a text and the progress up to a total are shown."""
 
 
-def _nothing(line: object) -> None:
+def _ignore(line: object) -> None:
     """Ignore a line or an output: the default receiver."""
 
 
@@ -28,24 +28,24 @@ class Watcher:
 
     bar: Bar | None = None
     """Shows progress; None: nothing is shown."""
-    warn: Callable[[str], None] = _nothing
+    warn: Callable[[str], None] = _ignore
     """Receives warnings: lines about settings that are allowed but may be unintended."""
-    remark: Callable[[str], None] = _nothing
+    remark: Callable[[str], None] = _ignore
     """Receives remarks: lines about the input, such as parts that are left out."""
-    note: Callable[[str], None] = _nothing
+    note: Callable[[str], None] = _ignore
     """Receives notes: lines about choices that the job made."""
     undisturbed: Callable[[], AbstractContextManager[object]] = nullcontext
     """Holds signals while outputs get their names."""
     interrupted: Callable[[], bool] = bool
     """Returns True if the job has been interrupted: work in its threads can stop."""
-    complete: Callable[[Path], None] = _nothing
+    complete: Callable[[Path], None] = _ignore
     """Receives the path of each output that is complete and has its final name."""
 
 
 _watcher: ContextVar[Watcher] = ContextVar("watcher", default=Watcher())  # noqa: B039 - frozen
 
 
-def watcher() -> Watcher:
+def current_watcher() -> Watcher:
     """Return the receivers of jobs that begin now."""
     return _watcher.get()
 
@@ -65,7 +65,7 @@ def watch_thread(follower: Watcher) -> None:
 
 
 @contextmanager
-def watched_by(follower: Watcher) -> Iterator[None]:
+def watch(follower: Watcher) -> Iterator[None]:
     """Set the receivers of the jobs in a block."""
     token = _watcher.set(follower)
     try:
@@ -171,10 +171,10 @@ class ProgressRate:
             return "", _UNKNOWN_TIME
         speed = count / seconds
         minutes, second = divmod(round(min(max(rest, 0.0) / speed, _LONGEST_TIME)), 60)
-        return speed_in_words(speed), f"{minutes // 60}:{minutes % 60:02}:{second:02}"
+        return speed_text(speed), f"{minutes // 60}:{minutes % 60:02}:{second:02}"
 
 
-def speed_in_words(speed: float | None) -> str:
+def speed_text(speed: float | None) -> str:
     """Return a speed [1/s] as text with few digits: ``812/s``, ``15 k/s``; "": it is unknown."""
     if not speed:
         return ""

@@ -5,8 +5,8 @@
 
 Before a command's work begins there is nothing to clean up: the process ends at once. During the
 work a signal raises :class:`Interrupted` wherever the program is, so that ``with`` and ``finally``
-clean up; further signals wait a few seconds for that. :func:`collected` keeps signals until a step
-that must not be broken off is over.
+clean up; further signals wait a few seconds for that. :func:`delay_signals` keeps signals until a
+step that must not be broken off is over.
 
 Python runs a handler between any two instructions, and at some an exception does harm: at the first
 one of ``__exit__`` it would leave a lock of :mod:`threading` taken for ever, and a finaliser would
@@ -53,7 +53,7 @@ def status() -> int:
     return 128 + (_received[0] if _received else signal.SIGINT)
 
 
-def interrupted() -> bool:
+def is_interrupted() -> bool:
     """Return whether a signal has ended the work of the command."""
     return _is_raised
 
@@ -84,14 +84,14 @@ def end_at_once(program: str) -> None:
     _handle(end)
 
 
-def ignore() -> None:
+def ignore_signals() -> None:
     """Ignore signals from now on: the command has ended, and its outputs are complete."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
 @contextmanager
-def raised() -> Iterator[None]:
+def raise_signals() -> Iterator[None]:
     """Let signals raise :class:`Interrupted` in the main thread."""
     global _begun, _is_raised
     first_time = end = 0.0
@@ -148,7 +148,7 @@ def _fragile(frame: FrameType | None) -> bool:
 
 
 @contextmanager
-def blocked() -> Iterator[None]:
+def block_signals() -> Iterator[None]:
     """Keep signals from the processes that begin in a block; one that comes meanwhile waits."""
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
@@ -158,7 +158,7 @@ def blocked() -> Iterator[None]:
 
 
 @contextmanager
-def collected() -> Iterator[None]:
+def delay_signals() -> Iterator[None]:
     """Delay signals until the block is over, which must be short.
 
     :raises Interrupted: after the block, if a signal came and no other exception ended it.

@@ -31,7 +31,7 @@ from typing import Annotated, Final, TypeVar, get_args, get_origin
 
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import ImuSimError
-from imu_sim_ros.core.spelling import spelled_for
+from imu_sim_ros.core.spelling import use_spelling
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 
@@ -68,7 +68,7 @@ def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, object]]:
     }
 
 
-def call(
+def call_job(
     job: Callable[..., Result],
     namespace: Namespace,
     defaults: Mapping[str, object] = _NONE,
@@ -99,11 +99,11 @@ def call(
         if value not in (None, {}):
             values[argument.name] = value
     typed = (values.keys() & options.keys()) - overridden
-    with spelled_for("program", options, typed):
+    with use_spelling("program", options, typed):
         return job(**{**defaults, **values, **overrides})
 
 
-def assignment(text: str) -> tuple[str, object]:
+def parse_assignment(text: str) -> tuple[str, object]:
     """Return name and value of ``key=value``; the value is YAML, none an empty string.
 
     :raises ValueError: for anything else.
@@ -159,7 +159,7 @@ class _Argument:
             keywords |= {"action": action, "default": None}
         else:
             keywords |= {**self._occurrence(), **self._values()}
-            text = self._with_default(text)
+            text = self._append_default(text)
         return {**keywords, "help": text.rstrip(".").replace("%", "%%")}
 
     def _occurrence(self) -> dict[str, object]:
@@ -200,7 +200,7 @@ class _Argument:
             return Path
         return next((kind for kind in (float, int) if kind in types and str not in types), str)
 
-    def _with_default(self, text: str) -> str:
+    def _append_default(self, text: str) -> str:
         """Return a help text with the default of the job's signature, unless it states one."""
         default = self._default
         if not isinstance(default, str | int | float) or default == "" or "default" in text:

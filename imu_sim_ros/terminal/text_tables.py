@@ -73,7 +73,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
             if max(map(len, lines)) <= terminal:
                 break
         else:
-            lines = stacked(header, rows)
+            lines = stacked_lines(header, rows)
         print("\n".join([title, *lines] if title else lines))
         return
     from rich import box
@@ -122,7 +122,7 @@ def _group_columns(
     return lines
 
 
-def stacked(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def stacked_lines(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Return a table as lines: a block for each row, a line for each further column."""
     width = max((len(name) for name in header[1:]), default=0)
     lines = []

@@ -12,8 +12,8 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from imu_sim_ros.core.errors import ConfigurationError, InputError, naming
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.errors import ConfigurationError, InputError, name_source
+from imu_sim_ros.core.records import States, replace_fields
 from imu_sim_ros.core.rotation import from_matrix, multiply, upright
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.poses import read_poses
@@ -92,7 +92,7 @@ def build_segments(
     for name, poses in states.items():
         common = poses.rows((poses.t_ns >= times[0]) & (poses.t_ns <= times[-1]))
         section = replace(parameters, topic=name)
-        with naming(name or parameters.file):
+        with name_source(name or parameters.file):
             trajectories[name] = build_trajectory(section, lambda *_, poses=common: poses)
     return trajectories
 
@@ -144,7 +144,7 @@ def poses_of_section(parameters: PosesParameters, pose_reader: PoseReader) -> St
     if p.scale == 1.0 and p.up == "z":
         return poses
     matrix = upright(p.up)
-    return with_fields(
+    return replace_fields(
         poses,
         position=p.scale * poses.position @ matrix.T,
         q_wb=multiply(from_matrix(matrix), poses.q_wb),

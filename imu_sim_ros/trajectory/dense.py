@@ -33,7 +33,7 @@ def dense_poses(
     count = max(1, math.ceil((end - start) / _STEP - 1e-9))
     knots = np.linspace(start, end, count + 1)
     motion = sample(knots)
-    q = rotation.continuous(motion.q_wb)
+    q = rotation.unwrap_signs(motion.q_wb)
     rate = np.concatenate([np.zeros((count + 1, 1)), motion.angular_velocity], axis=1)
     turning = 0.5 * rotation.multiply(q, rate)  # Sola eq. 199
     h = (end - start) / count

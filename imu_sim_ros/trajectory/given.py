@@ -14,7 +14,7 @@ from imu_sim_ros.core.arguments import number, refuse
 from imu_sim_ros.core.errors import ConfigurationError, ImuSimError
 from imu_sim_ros.core.gate import Quantity
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.recordings.repair import beyond_any_body
+from imu_sim_ros.recordings.repair import impossible_motion_lines
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 
 _T = TypeVar("_T")
@@ -124,7 +124,7 @@ def suspicions(trajectory: Trajectory, duration: float, rate: float) -> list[str
     acceleration = np.linalg.norm(motions.acceleration, axis=1)
     turning = np.linalg.norm(motions.angular_velocity, axis=1)
     j, k = int(np.argmax(acceleration)), int(np.argmax(turning))
-    lines = beyond_any_body("trajectory", acceleration[j], t[j], turning[k], t[k])
+    lines = impossible_motion_lines("trajectory", acceleration[j], t[j], turning[k], t[k])
     if isinstance(motion, CheckedMotion):
         lines += _contradictions(t, step, motions, motion.sample(t + step))
     return lines
@@ -338,5 +338,5 @@ def _check(
             f"{name}: at t = {t[row]:g} s a quaternion of length {lengths[row]:.7g}: must be 1 "
             f"within {_UNIT:g}"
         )
-    arrays[index] = gate.at_unit_length(arrays[index])
+    arrays[index] = gate.normalise_quaternions(arrays[index])
     return arrays

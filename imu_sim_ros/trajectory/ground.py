@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.inputs.rows import number_of, row_blocks, shortened
+from imu_sim_ros.inputs.rows import number_of, row_blocks, shorten_word
 from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.path import Path, UniformSpline, sample_spline_chain
 
@@ -109,7 +109,7 @@ def _value(path: str, number: int, tokens: list[str]) -> float:
         (token,) = tokens
         return number_of(token)
     except ValueError:
-        text = shortened(" ".join(tokens))
+        text = shorten_word(" ".join(tokens))
         raise InputError(f"{path}: line {number}: {text}: must be one number") from None
 
 

@@ -15,9 +15,9 @@ from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.findings.catalogue import disturbance_findings, pose_findings
 from imu_sim_ros.recordings.findings.policy import RECORDED_MOTION
-from imu_sim_ros.recordings.findings.pose_order import in_order
+from imu_sim_ros.recordings.findings.pose_order import sort_poses
 from imu_sim_ros.recordings.order import longest_step_ns, usual_step
-from imu_sim_ros.recordings.repair import beyond_any_body, mended
+from imu_sim_ros.recordings.repair import impossible_motion_lines, repair_poses
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
@@ -103,7 +103,7 @@ class RecordedMotion:
 
         :raises InputError: for poses that are too few or too far apart in time.
         """
-        poses = in_order(poses)
+        poses = sort_poses(poses)
         _check(poses, parameters)
         spacing = _knot_spacing(poses, parameters)
         self.t0_ns = int(poses.t_ns[0])
@@ -113,7 +113,7 @@ class RecordedMotion:
         """Texts of the repairs."""
         self._recorded = poses
         if parameters.robust:
-            repaired = mended(poses)
+            repaired = repair_poses(poses)
             findings = [*disturbance_findings(poses, repaired.disturbances), *pose_findings(poses)]
             self.repairs = [
                 f"{parameters.file}: {finding.evidence}; {_REPAIRS[finding.kind]} [{finding.kind}]"
@@ -142,13 +142,13 @@ class RecordedMotion:
         if self._parameters.robust:
             findings = [finding for finding in findings if finding.kind not in _REPAIRS]
         else:
-            findings = [*disturbance_findings(poses, mended(poses).disturbances), *findings]
+            findings = [*disturbance_findings(poses, repair_poses(poses).disturbances), *findings]
         texts = [
             f"{file}: {finding.evidence}; {finding.remedy} [{finding.kind}]"
             for finding in findings
             if RECORDED_MOTION.action(finding.kind)
         ]
-        texts += beyond_any_body(
+        texts += impossible_motion_lines(
             file,
             report.peak_acceleration,
             report.peak_acceleration_at,

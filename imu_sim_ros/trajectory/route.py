@@ -15,8 +15,8 @@ from imu_sim_ros.core.bad_rows import COLUMNS, NUMBERS, STAMPS, VALUES, BadRows
 from imu_sim_ros.core.conventions import ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.inputs.rows import LARGEST_TEXT, number_of, row_blocks, shortened
-from imu_sim_ros.inputs.xml_text import Element, parsed
+from imu_sim_ros.inputs.rows import LARGEST_TEXT, number_of, row_blocks, shorten_word
+from imu_sim_ros.inputs.xml_text import Element, parse_xml
 
 _LATITUDES: Final = ("latitude", "lat", "latitude_deg")
 _LONGITUDES: Final = ("longitude", "lon", "lng", "long", "longitude_deg")
@@ -140,7 +140,9 @@ def _check(rows: Iterator[_Row], bad: BadRows, is_geographic: bool) -> _Points:
         try:
             pair = number_of(x_text.strip()), number_of(y_text.strip())
         except ValueError:
-            bad.note(NUMBERS, number, f"{shortened(x_text)}, {shortened(y_text)}: not two numbers")
+            bad.note(
+                NUMBERS, number, f"{shorten_word(x_text)}, {shorten_word(y_text)}: not two numbers"
+            )
             continue
         if not all(math.isfinite(value) for value in pair):
             bad.note(VALUES, number, f"{x_text}, {y_text}: must be finite")
@@ -178,7 +180,7 @@ def _csv(path: Path, bad: BadRows) -> _Points:
                 try:
                     t = number_of(cells[time])
                 except ValueError:
-                    bad.note(STAMPS, number, f"time {shortened(cells[time])}: not a number [s]")
+                    bad.note(STAMPS, number, f"time {shorten_word(cells[time])}: not a number [s]")
             height = cells[up] if up >= 0 else ""
             rows.append(_Row(number, cells[x_column], cells[y_column], height, t))
         bad.rows, bad.good = bad.count, len(rows)
@@ -203,7 +205,7 @@ def _columns(path: Path, header: list[str]) -> tuple[tuple[int, int, int, int], 
         return (x, y, up, time), False
     raise InputError(
         f"{path}: the first line must name the columns, x and y or latitude and longitude; it is "
-        f"{shortened(','.join(header))}"
+        f"{shorten_word(','.join(header))}"
     )
 
 
@@ -218,7 +220,7 @@ def _height(word: str) -> float:
 
 def _gpx(path: str | Path, bad: BadRows) -> Iterator[_Row]:
     """Yield the points of all tracks; without tracks of all routes, without these all waypoints."""
-    elements = list(parsed(path).every())
+    elements = list(parse_xml(path).every())
     for tag in ("trkpt", "rtept", "wpt"):
         points = [element for element in elements if _local(element) == tag]
         if points:
@@ -234,7 +236,7 @@ def _gpx(path: str | Path, bad: BadRows) -> Iterator[_Row]:
 
 def _kml(path: str | Path, bad: BadRows) -> Iterator[_Row]:
     """Yield the points of the first line or track; without any all placemarks' points."""
-    elements = list(parsed(path, LARGEST_TEXT).every())
+    elements = list(parse_xml(path, LARGEST_TEXT).every())
     track = next((element for element in elements if _local(element) == "Track"), None)
     if track is not None:
         coordinates = [child.text for child in track.children if _local(child) == "coord"]
@@ -275,6 +277,6 @@ def _seconds(stamp: str, number: int, bad: BadRows) -> float:
     try:
         when = datetime.fromisoformat(text.replace("Z", "+00:00"))
     except ValueError:
-        bad.note(STAMPS, number, f"time {shortened(text)}: must be like 2026-05-01T08:30:00Z")
+        bad.note(STAMPS, number, f"time {shorten_word(text)}: must be like 2026-05-01T08:30:00Z")
         return math.nan
     return when.replace(tzinfo=when.tzinfo or timezone.utc).timestamp()

@@ -169,5 +169,5 @@ def _fit_rotation(system: LeastSquares, t: Array, q_wb: Array, knots: UniformKno
 def _first_controls(t: Array, q_wb: Array, knots: UniformKnots) -> Array:
     """Return the given attitudes, interpolated at the control points' own times."""
     times = (np.arange(knots.control_points) - (ORDER / 2 - 1)) * knots.spacing
-    q = rotation.continuous(q_wb)
+    q = rotation.unwrap_signs(q_wb)
     return rotation.normalise(np.column_stack([np.interp(times, t, q[:, k]) for k in range(4)]))

@@ -15,7 +15,7 @@ from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
 from imu_sim_ros.core.gate import stamp_text
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.rotation import conjugate, exp, log, multiply, normalise, to_matrix
-from imu_sim_ros.jobs.twin import check_settled, judged
+from imu_sim_ros.jobs.twin import check_settled, judge_fit
 
 TURN = np.array([0.3, -0.2, 0.5])
 S_A = np.array([[1.01, 0.004, -0.006], [0.0, 0.985, 0.002], [0.0, 0.0, 1.01]])
@@ -204,7 +204,7 @@ def test_numbers_that_hang_on_the_noise_are_not_given(flight, fitted_twin):
     fit = fitted_twin.analysis.fit
     hanging = np.zeros(42)
     hanging[[20, 30]] = 6.0, 3.0
-    trust = judged(
+    trust = judge_fit(
         fit._replace(noise_shift=hanging), np.ones(42), PoseNoise(np.full(6, 1e-3), 0.0, 0.0)
     )
     assert np.flatnonzero(~trust.given).tolist() == [20]
@@ -225,7 +225,7 @@ def test_less_may_hang_on_rounding_than_on_white_noise(fitted_twin, white, steps
     hanging[30] = 3.0
     noise = PoseNoise(np.full(6, white), *steps)
     fit = fitted_twin.analysis.fit
-    trust = judged(fit._replace(noise_shift=hanging), np.ones(42), noise)
+    trust = judge_fit(fit._replace(noise_shift=hanging), np.ones(42), noise)
     assert trust.given[30] == is_given
     # What rounding does is known no better than its size: the interval holds both.
     wider = 1.0 if is_given else np.sqrt(1.0 + 3.0**2)

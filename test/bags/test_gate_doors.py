@@ -171,10 +171,10 @@ def test_a_sound_recording_is_said_nothing_of(place, capsys, tmp_path):
 
 
 def test_json_has_null_for_what_is_not_finite():
-    from imu_sim_ros.terminal.json_text import as_json
+    from imu_sim_ros.terminal.json_text import json_text
 
     value = {"a": [1.5, np.nan], "b": np.array([[np.inf, 2.0]]), "c": (float("-inf"), True, None)}
-    assert json.loads(as_json(value)) == {
+    assert json.loads(json_text(value)) == {
         "a": [1.5, None],
         "b": [[None, 2.0]],
         "c": [None, True, None],

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 import imu_sim_ros as ims
-from imu_sim_ros.bags.messages.schemas import Translation, known_types, recorded_type
+from imu_sim_ros.bags.messages.schemas import Translation, message_type, typestore_of_format
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_JAZZY)
 DIGESTS = {
@@ -156,7 +156,7 @@ def test_from_ros1_each_type_has_the_fields_of_ros2(ros1_bag, tmp_path):
 def test_what_is_recorded_into_a_ros1_bag_has_the_fields_of_ros1():
     name = "sensor_msgs/msg/Range"
     text, _ = ROS2.generate_msgdef(name, ros_version=2)
-    recording = recorded_type(name, text, "", "ros1")
+    recording = message_type(name, text, "", "ros1")
     assert recording.schema.digest == DIGESTS[name]
     data = recording.convert(bytes(ROS2.serialize_cdr(messages(ROS2, 0)[name], name)))
     assert ROS1.deserialize_ros1(data, name).range == 1.5
@@ -165,6 +165,6 @@ def test_what_is_recorded_into_a_ros1_bag_has_the_fields_of_ros1():
 def test_a_type_that_both_have_is_of_the_other_generation():
     """All that comes with both: definition and digest are those of the other generation."""
     for types, encoding in ((ROS2, "ros1"), (ROS1, "cdr")):
-        translation, theirs = Translation(types, encoding), known_types(encoding)
+        translation, theirs = Translation(types, encoding), typestore_of_format(encoding)
         for name in types.fielddefs.keys() & theirs.fielddefs.keys():
             assert translation.target_types.fielddefs[name] == theirs.fielddefs[name], name

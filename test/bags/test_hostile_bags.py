@@ -13,7 +13,7 @@ import pytest
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import open_bag, read_imu
-from imu_sim_ros.bags.reader import decompress, gather
+from imu_sim_ros.bags.reader import decompress, gather_messages
 from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
 from imu_sim_ros.core.errors import InputError
@@ -123,7 +123,7 @@ def test_databases_that_are_none_of_rosbag2(tmp_path, statement, reason, capsys)
 def test_an_index_cannot_lead_out_of_its_chunk(starts, sizes, reason):
     data = np.zeros(100, np.uint8)
     with pytest.raises(ValueError, match=reason):
-        gather(data, np.array(starts, dtype=np.int64), np.array(sizes, dtype=np.int64))
+        gather_messages(data, np.array(starts, dtype=np.int64), np.array(sizes, dtype=np.int64))
 
 
 def test_a_whole_bag_without_messages_is_read(tmp_path):

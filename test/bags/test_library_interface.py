@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros.bags.reader
-from imu_sim_ros.bags.reader import errors_naming, gather
+from imu_sim_ros.bags.reader import errors_naming, gather_messages
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 
 
@@ -37,11 +37,11 @@ def test_a_library_of_another_version_is_named(call):
 
 
 def with_a_wrong_name():
-    return gather(np.empty(0), no_such_argument=1)
+    return gather_messages(np.empty(0), no_such_argument=1)
 
 
 def with_a_wrong_type():
-    return gather(3, None, None)
+    return gather_messages(3, None, None)
 
 
 def of_a_class_of_the_package():

@@ -18,7 +18,7 @@ from imu_sim_ros.bags import outputs as outputs_module
 from imu_sim_ros.bags.outputs import OutputFile, Outputs
 from imu_sim_ros.core.errors import InputError, MachineError, explain, system_error
 from imu_sim_ros.terminal import signals
-from imu_sim_ros.terminal.progress import Watcher, watched_by
+from imu_sim_ros.terminal.progress import Watcher, watch
 
 
 @pytest.fixture(autouse=True)
@@ -29,7 +29,7 @@ def _working_folder(tmp_path, monkeypatch):
 def test_an_output_has_its_name_only_when_it_is_whole(tmp_path):
     outputs = Outputs()
     table = outputs.add(tmp_path / "new" / "folder" / "table.csv").path
-    with outputs.staged():
+    with outputs.stage():
         table.write_text("half")
         assert not (tmp_path / "new/folder/table.csv").exists()
         table.write_text("whole")
@@ -39,7 +39,7 @@ def test_an_output_has_its_name_only_when_it_is_whole(tmp_path):
 
 def end_with(error: BaseException, outputs: Outputs, contents: dict[Path, str]) -> None:
     """Write some files of a run that then ends with an error."""
-    with outputs.staged():
+    with outputs.stage():
         for path, text in contents.items():
             path.parent.mkdir(exist_ok=True)
             path.write_text(text)
@@ -47,7 +47,7 @@ def end_with(error: BaseException, outputs: Outputs, contents: dict[Path, str]) 
 
 
 def end_in_an_empty_folder(outputs: Outputs, folder: Path) -> None:
-    with outputs.staged():
+    with outputs.stage():
         folder.mkdir()
         raise KeyboardInterrupt
 
@@ -68,7 +68,7 @@ def test_everything_that_is_wrong_with_all_targets_is_said_at_once(tmp_path):
     names = ("there.csv", "file/x.csv", "new.csv", "./new.csv", "..", "n" * 250, "nul\0.csv")
     for name in names:
         outputs.add(name)
-    with pytest.raises(InputError) as refused, outputs.staged():
+    with pytest.raises(InputError) as refused, outputs.stage():
         pytest.fail("the work began")
     lines = refused.value.problems
     assert [line.split(":")[0] for line in lines] == [
@@ -85,7 +85,7 @@ def test_force_replaces_files_links_and_folders_of_outputs(tmp_path):
     (tmp_path / "bag" / "old.mcap").write_text("old")
     outputs = Outputs(force=True)
     paths = [outputs.add(name).path for name in ("a.csv", "link.csv", "bag")]
-    with outputs.staged():
+    with outputs.stage():
         paths[0].write_text("new")
         paths[1].write_text("new")
         paths[2].mkdir()
@@ -102,7 +102,7 @@ def test_force_does_not_replace_what_is_no_output(tmp_path, name):
     (tmp_path / "home" / "thesis.tex").write_text("mine")
     outputs = Outputs(force=True)
     outputs.add(name)
-    with pytest.raises(InputError), outputs.staged():
+    with pytest.raises(InputError), outputs.stage():
         pytest.fail("the work began")
     assert (tmp_path / "home" / "thesis.tex").read_text() == "mine"
 
@@ -119,7 +119,7 @@ def test_an_input_is_never_written_to_whatever_it_is_called(tmp_path, name, forc
     (tmp_path / "back").symlink_to(".")
     outputs = Outputs(inputs=["x.mcap", "not there"], force=force)
     outputs.add(name)
-    with pytest.raises(InputError, match=r"is the input x\.mcap"), outputs.staged():
+    with pytest.raises(InputError, match=r"is the input x\.mcap"), outputs.stage():
         pytest.fail("the work began")
     assert (tmp_path / "x.mcap").read_text() == "mine"
 
@@ -133,7 +133,7 @@ def test_a_folder_that_holds_an_input_is_not_replaced(tmp_path):
     ):
         outputs = Outputs(inputs=[source], force=True)
         outputs.add(target)
-        with pytest.raises(InputError, match=f"{word} the input"), outputs.staged():
+        with pytest.raises(InputError, match=f"{word} the input"), outputs.stage():
             pytest.fail("the work began")
 
 
@@ -142,13 +142,13 @@ def test_files_go_into_a_folder_that_holds_others(tmp_path):
     (tmp_path / "results" / "notes.md").write_text("mine")
     outputs = Outputs()
     folder = outputs.add_files("results", ["a.yaml", "b.png"])
-    with outputs.staged():
+    with outputs.stage():
         (folder / "a.yaml").write_text("a")
         (folder / "b.png").write_text("b")
     assert sorted(os.listdir(tmp_path / "results")) == ["a.yaml", "b.png", "notes.md"]
     again = Outputs()
     again.add_files("results", ["b.png", "c.png"])
-    with pytest.raises(InputError, match=r"results/b\.png: already exists"), again.staged():
+    with pytest.raises(InputError, match=r"results/b\.png: already exists"), again.stage():
         pytest.fail("the work began")
 
 
@@ -158,7 +158,7 @@ def test_parts_of_a_split_output_are_refused_as_well(tmp_path):
     outputs = Outputs()
     outputs.add("x.bag")
     outputs.add("y.bag")
-    with pytest.raises(InputError) as refused, outputs.staged():
+    with pytest.raises(InputError) as refused, outputs.stage():
         pytest.fail("the work began")
     assert refused.value.problems == ("x_3.bag: already exists; force=True replaces it",)
 
@@ -188,7 +188,7 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
         return new_outputs, [bag.path, new_outputs.add("bag_truth.yaml", companion_of=bag).path]
 
     run, (bag, truth) = outputs()
-    with run.staged():
+    with run.stage():
         assert os.listdir(tmp_path) == ["bag.active"]  # what a kill would leave
         bag.mkdir()
         (bag / "bag_0.mcap").write_text("whole")
@@ -221,9 +221,9 @@ def test_two_runs_at_once_do_not_mix(tmp_path):
     run, rival = Outputs(), Outputs(force=True)
     path = run.add("x.mcap").path
     rival.add("x.mcap")
-    with run.staged():
+    with run.stage():
         # flock tells open files apart, so that this process stands for two
-        with pytest.raises(InputError, match="another program is writing"), rival.staged():
+        with pytest.raises(InputError, match="another program is writing"), rival.stage():
             pytest.fail("the work began")
         path.write_text("whole")
     assert (tmp_path / "x.mcap").read_text() == "whole"
@@ -239,11 +239,11 @@ def test_a_folder_that_is_not_locked_yet_is_not_shared(tmp_path, monkeypatch):
 
     def after_the_other(staging):
         monkeypatch.setattr(outputs_module, "_open", opened)
-        faster.enter_context(rival.staged())
+        faster.enter_context(rival.stage())
         return opened(staging)
 
     monkeypatch.setattr(outputs_module, "_open", after_the_other)
-    with pytest.raises(InputError, match="another program is writing"), run.staged():
+    with pytest.raises(InputError, match="another program is writing"), run.stage():
         pytest.fail("the work began")
     path.write_text("of the second")
     faster.close()
@@ -266,7 +266,7 @@ def test_a_run_that_only_looks_takes_no_folder_away(tmp_path, monkeypatch):
 
     monkeypatch.setattr(outputs_module, "_open", looked_at)
     monkeypatch.setattr(outputs_module.time, "sleep", lambda _: looking.close())
-    with outputs.staged():
+    with outputs.stage():
         path.write_text("whole")
     assert (tmp_path / "x.mcap").read_text() == "whole"
 
@@ -275,7 +275,7 @@ def test_of_several_outputs_none_gets_its_name_if_one_is_taken(tmp_path):
     outputs = Outputs()
     paths = [outputs.add(name).path for name in ("a.mcap", "b.csv")]
     running = ExitStack()
-    running.enter_context(outputs.staged())
+    running.enter_context(outputs.stage())
     for path in paths:
         path.write_text("of the program")
     (tmp_path / "b.csv").write_text("of the user")
@@ -307,9 +307,9 @@ def test_a_signal_as_the_staging_folder_is_made_leaves_none(tmp_path, monkeypatc
     monkeypatch.setattr(outputs_module, "_open", interrupted)
     outputs = Outputs()
     outputs.add("x.mcap")
-    follower = Watcher(undisturbed=signals.collected)
-    with watched_by(follower), pytest.raises(KeyboardInterrupt), signals.raised():  # noqa: SIM117
-        with outputs.staged():
+    follower = Watcher(undisturbed=signals.delay_signals)
+    with watch(follower), pytest.raises(KeyboardInterrupt), signals.raise_signals():  # noqa: SIM117
+        with outputs.stage():
             pytest.fail("the work began")
     assert os.listdir(tmp_path) == []
 
@@ -321,10 +321,10 @@ def test_what_a_killed_run_left_is_told_and_replaced_with_force(tmp_path):
         outputs = Outputs(force=force)
         path = outputs.add("x.mcap").path
         if not force:
-            with pytest.raises(InputError, match="recover or delete"), outputs.staged():
+            with pytest.raises(InputError, match="recover or delete"), outputs.stage():
                 pytest.fail("the work began")
             continue
-        with outputs.staged():
+        with outputs.stage():
             path.write_text("whole")
     assert os.listdir(tmp_path) == ["x.mcap"]
 
@@ -333,7 +333,7 @@ def test_a_folder_that_no_longer_exists():
     script = (
         "import os, tempfile; from imu_sim_ros.bags.outputs import Outputs\n"
         "folder = tempfile.mkdtemp(); os.chdir(folder); os.rmdir(folder)\n"
-        "outputs = Outputs(); outputs.add('x.csv'); outputs.staged().__enter__()"
+        "outputs = Outputs(); outputs.add('x.csv'); outputs.stage().__enter__()"
     )
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert "InputError: x.csv: No such file" in result.stderr
@@ -365,7 +365,7 @@ def test_a_full_disk_is_told_with_the_name_of_the_output():
     for number, has_name in ((errno.ENOSPC, True), (errno.EIO, False)):
         outputs = Outputs()
         outputs.add("x.csv")
-        with pytest.raises(OSError, match=os.strerror(number)) as failed, outputs.staged():
+        with pytest.raises(OSError, match=os.strerror(number)) as failed, outputs.stage():
             raise OSError(number, os.strerror(number))
         expected = f"x.csv: {os.strerror(number)}" if has_name else os.strerror(number)
         assert explain(failed.value) == ((expected,), 1)

@@ -13,7 +13,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import (
-    decoded_blocks,
+    decode_blocks,
     imu_blocks,
     open_bag,
     read_imu,
@@ -118,7 +118,7 @@ def test_writing_another_softwares_way_is_read(tmp_path, content):
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
 
-    from imu_sim_ros.bags.messages.schemas import known_types
+    from imu_sim_ros.bags.messages.schemas import typestore_of_format
 
     for name, encoding in (("one.bag", "ros1"), ("mcap", "cdr"), ("sqlite3", "cdr")):
         path = tmp_path / name
@@ -127,13 +127,13 @@ def test_writing_another_softwares_way_is_read(tmp_path, content):
         else:
             writer = Writer2(path, version=9, storage_plugin=StoragePlugin[name.upper()])
         with writer:
-            connection = writer.add_connection("/imu", IMU, typestore=known_types(encoding))
+            connection = writer.add_connection("/imu", IMU, typestore=typestore_of_format(encoding))
             for k in range(500):
                 row = ImuEncoder("f" * (k % 7), encoding).encode(
                     content.t_ns[k : k + 1], content.gyro[k : k + 1], content.accel[k : k + 1]
                 )
                 writer.write(connection, int(content.t_ns[k]), row.tobytes())
-        blocks = list(decoded_blocks(path, IMU, None, ("angular_velocity",)))
+        blocks = list(decode_blocks(path, IMU, None, ("angular_velocity",)))
         rates = np.concatenate([block.numbers["angular_velocity"] for block in blocks])
         np.testing.assert_array_equal(rates, content.gyro[:500])
         t_ns = np.concatenate([block.t_ns for block in blocks])

@@ -12,7 +12,7 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.bags.files import open_bag
 from imu_sim_ros.inputs.rows import open_shared, read_text, row_blocks
-from imu_sim_ros.inputs.sharing import opened_once
+from imu_sim_ros.inputs.sharing import open_files_once
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def stamps(bag):
 def test_readers_do_not_disturb_each_other(bags, name):
     with open_bag(bags / name) as bag:
         expected = np.concatenate(stamps(bag))
-    with opened_once():
+    with open_files_once():
         with open_bag(bags / name) as outer:
             groups = outer.groups()
             first_times = [np.concatenate([block.t_ns for block in next(groups)])]
@@ -53,7 +53,7 @@ def test_readers_do_not_disturb_each_other(bags, name):
 def test_a_file_that_changed_is_opened_anew(bags, tmp_path):
     path = tmp_path / "x.mcap"
     shutil.copy(bags / "a.mcap", path)
-    with opened_once():
+    with open_files_once():
         with open_bag(path) as bag:
             topics = {topic.name: topic.count for topic in bag.topics}
         ims.simulate(imu="lecture", rate=100, duration=0.5).save(path, force=True)
@@ -65,7 +65,7 @@ def test_a_bag_in_use_stays_open_behind_many_others(bags, tmp_path):
     paths = [tmp_path / f"{k}.mcap" for k in range(40)]
     for path in paths:
         shutil.copy(bags / "a.mcap", path)
-    with opened_once(), open_bag(paths[0]) as bag:
+    with open_files_once(), open_bag(paths[0]) as bag:
         expected = np.concatenate(stamps(bag))
         for path in paths[1:]:
             with open_bag(path):
@@ -78,7 +78,7 @@ def test_a_bag_in_use_stays_open_behind_many_others(bags, tmp_path):
 def test_readers_of_a_text_have_places_of_their_own(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("1,2\n" * 2_000_000)
-    with opened_once():
+    with open_files_once():
         blocks = row_blocks(path, "a table")
         lines = [number for number, _ in next(blocks)]
         assert len(read_text(path)) == 8_000_000
@@ -94,11 +94,11 @@ def test_a_text_in_use_stays_open_behind_many_others(tmp_path):
     paths = [tmp_path / f"{k}.csv" for k in range(40)]
     for path in paths:
         path.write_text(path.stem)
-    with opened_once(), open_shared(paths[0]) as file:
+    with open_files_once(), open_shared(paths[0]) as file:
         assert [read_text(path) for path in paths] == [path.stem for path in paths]
         assert file.read() == b"0"
     descriptors = len(os.listdir("/proc/self/fd"))
-    with opened_once():
+    with open_files_once():
         for path in paths:
             read_text(path)
     assert len(os.listdir("/proc/self/fd")) == descriptors
@@ -106,7 +106,7 @@ def test_a_text_in_use_stays_open_behind_many_others(tmp_path):
 
 def test_a_text_that_changed_is_read_anew(tmp_path):
     path = tmp_path / "plan.yaml"
-    with opened_once():
+    with open_files_once():
         for text in ("first", "second text"):
             path.write_text(text)
             assert read_text(path) == text

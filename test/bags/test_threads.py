@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.bags.create import open_writer
-from imu_sim_ros.bags.messages.blocks import side_by_side
+from imu_sim_ros.bags.messages.blocks import interleave
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import read_imu
-from imu_sim_ros.bags.threads import Pipeline, threads
+from imu_sim_ros.bags.threads import Pipeline, thread_pool
 from imu_sim_ros.bags.writer import BagOptions
-from imu_sim_ros.terminal.progress import Watcher, watched_by
+from imu_sim_ros.terminal.progress import Watcher, watch
 
 COUNT = 12_000  # four chunks
 
@@ -112,7 +112,7 @@ def test_patterns_arrays_and_lists_make_the_same_file(tmp_path, name):
         with open_writer(path) as writer:
             topic = writer.add_topic("/imu", IMU)
             t_ns, _, messages = _messages(writer.encoding)
-            batch = side_by_side([messages]) if form == "array" else messages
+            batch = interleave([messages]) if form == "array" else messages
             if form == "threads":
                 writer.write(topic, t_ns, batch)
             else:  # chunk by chunk, each written where it is flushed
@@ -129,11 +129,11 @@ def test_an_interrupted_job_does_not_wait_for_its_threads():
     release, jobs = threading.Event(), []
 
     def interrupted_work():
-        with threads(1) as pool:
+        with thread_pool(1) as pool:
             jobs.extend(pool.submit(release.wait, 60) for _ in range(2))
             raise KeyboardInterrupt
 
-    with watched_by(Watcher(interrupted=lambda: True)), pytest.raises(KeyboardInterrupt):
+    with watch(Watcher(interrupted=lambda: True)), pytest.raises(KeyboardInterrupt):
         interrupted_work()
     assert not jobs[0].done()
     assert jobs[1].cancelled()

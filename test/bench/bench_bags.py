@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
-from imu_sim_ros.bags.messages.schemas import known_types
+from imu_sim_ros.bags.messages.schemas import typestore_of_format
 from imu_sim_ros.bags.read import imu_blocks
 from imu_sim_ros.terminal.text_tables import print_table
 
@@ -78,7 +78,7 @@ def rosbags_loop(kind: str, folder: Path) -> None:
     from rosbags.rosbag2 import Writer as Writer2
 
     encoding = "ros1" if kind == "ROS 1" else "cdr"
-    store = known_types(encoding)
+    store = typestore_of_format(encoding)
     types = store.types
     count = SLOW
     rng = np.random.default_rng(1)

@@ -40,7 +40,7 @@ from imu_sim_ros.calibration.twin.spectrum import (
 )
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import States, replace_fields
 from imu_sim_ros.jobs.twin import _steps
 
 RATE = 100.0
@@ -387,7 +387,7 @@ def test_stamps_that_are_not_even_make_no_noise():
     t = np.sort(np.arange(4000) / RATE + 0.004 * rng.uniform(-1.0, 1.0, 4000))
     smooth = curve(t)
     assert not noise_of(smooth, smooth).is_present
-    noisy = with_fields(smooth, position=smooth.position + 1e-4 * rng.standard_normal((4000, 3)))
+    noisy = replace_fields(smooth, position=smooth.position + 1e-4 * rng.standard_normal((4000, 3)))
     white = noise_of(noisy, smooth).white
     np.testing.assert_allclose(white[3:], 1e-4, rtol=0.12)
     assert np.all(white[:3] < 1e-6)

@@ -227,7 +227,7 @@ def test_a_signal_interrupts_the_wait_for_a_run(plan_file, tmp_path, monkeypatch
     todo = driver.tasks(plan, set(), 1)
     with closing(engine.local(1)(plan, todo, tmp_path / "out")) as batches:
         signal_thread.start()
-        with pytest.raises(signals.Interrupted), signals.raised():
+        with pytest.raises(signals.Interrupted), signals.raise_signals():
             rows.extend(batches)
     signal_thread.join()
     assert rows == []

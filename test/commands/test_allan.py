@@ -21,7 +21,7 @@ from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.sensors.imu import presets
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
-from imu_sim_ros.terminal.progress import Watcher, watched_by
+from imu_sim_ros.terminal.progress import Watcher, watch
 
 RATE, SECONDS = 100, 300
 # 30,000 readings know the deviation of white noise to 1 / sqrt(60,000) = 0.41 %: bounds of 2 and
@@ -50,7 +50,7 @@ def watched(bag) -> tuple[list, dict]:
         stages.append((text, total))
         yield lambda count: stages.append(count)
 
-    with watched_by(Watcher(bar)):
+    with watch(Watcher(bar)):
         return stages, ims.allan(bag).to_dict()
 
 

@@ -17,7 +17,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from imu_sim_ros.bags.messages.schemas import known_types
+from imu_sim_ros.bags.messages.schemas import typestore_of_format
 from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.commands import convert_bag, generate
 from imu_sim_ros.formats.door import read_states
@@ -204,7 +204,7 @@ def test_topics_are_chosen_and_renamed(sources, tmp_path, capsys):
 
 def _foreign(path: Path, encoding: str) -> None:
     """Write topics of types that this package has no layout for, with varying sizes."""
-    store = known_types(encoding)
+    store = typestore_of_format(encoding)
     types = store.types
     header = types["std_msgs/msg/Header"]
     time = types["builtin_interfaces/msg/Time"]

@@ -57,7 +57,7 @@ def test_nodes_that_have_begun_end_if_another_one_cannot_begin(tmp_path, monkeyp
 
     monkeypatch.setattr(job, "_start", start)
     with pytest.raises(KeyboardInterrupt):
-        job.fly(load_simulation({"duration": 1.0}), tmp_path)
+        job.run_nodes(load_simulation({"duration": 1.0}), tmp_path)
     assert begun[0].returncode == -signal.SIGKILL
 
 
@@ -68,4 +68,4 @@ def test_a_simulator_that_does_not_end_is_told_with_its_status(tmp_path, monkeyp
     monkeypatch.setattr(job, "_start", start)
     monkeypatch.setattr(job, "_wait", lambda nodes, duration: nodes["integrator"].wait())
     with pytest.raises(MachineError, match="^simulator ended with status -9"):
-        job.fly(load_simulation({"duration": 1.0}), tmp_path)
+        job.run_nodes(load_simulation({"duration": 1.0}), tmp_path)

@@ -248,7 +248,7 @@ def test_a_folder_named_like_a_word_of_the_command_is_no_input(tmp_path, monkeyp
     (tmp_path / "magnetometer" / "imu.yaml").write_text("of an earlier run")
     written = outputs(parsed)
     written.add_files("magnetometer", ["imu.yaml"])
-    with pytest.raises(InputError, match="already exists"), written.staged():
+    with pytest.raises(InputError, match="already exists"), written.stage():
         pass
 
 

@@ -99,7 +99,7 @@ def test_a_signal_during_the_work_runs_what_cleans_up(number):
 @pytest.mark.parametrize("number", STATUS, ids=lambda number: number.name)
 def test_a_step_that_must_not_be_broken_off_keeps_the_signal(number):
     def work() -> None:
-        with signals.collected():
+        with signals.delay_signals():
             os.kill(os.getpid(), number)
             done.append(number)
         pytest.fail("the signal is lost")
@@ -273,7 +273,7 @@ def test_every_executable_begins_where_signals_are_looked_after():
 def _interrupted_at_any_moment(work: Callable[[], object]) -> None:
     """Run work until a signal ends it; it comes after a time that nobody chose."""
 
-    @signals.raised()
+    @signals.raise_signals()
     def repeated() -> None:
         # Processor time: on a busy machine too the work has begun.
         signal.setitimer(signal.ITIMER_PROF, random.uniform(1e-4, 2e-3))

@@ -148,7 +148,7 @@ def test_a_time_left_that_is_not_known_is_not_shown():
     ("speed", "text"), [(None, ""), (2.5, "2.5/s"), (656.4, "656/s"), (69e3, "69 k/s")]
 )
 def test_a_speed_has_few_digits(speed, text):
-    assert progress.speed_in_words(speed) == text
+    assert progress.speed_text(speed) == text
 
 
 def test_an_interval_that_no_few_seeds_have_says_how_many_it_needs():
@@ -209,7 +209,7 @@ def test_tables_of_the_programs_fit_80_columns(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
     blocks = []
-    monkeypatch.setattr(text_tables, "stacked", lambda *table: blocks.append(table) or [])
+    monkeypatch.setattr(text_tables, "stacked_lines", lambda *table: blocks.append(table) or [])
     for program, arguments in PROGRAMS:
         assert program.main(arguments) == 0
         printed = capsys.readouterr().out

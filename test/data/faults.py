@@ -7,7 +7,7 @@ import numpy as np
 
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
-from imu_sim_ros.core.records import with_fields
+from imu_sim_ros.core.records import replace_fields
 
 FRD = np.diag([1.0, -1.0, -1.0])
 CAMERA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -19,7 +19,7 @@ def stuck(readings):
     accel = readings.accel.copy()
     begin = len(accel) // 2
     accel[begin:, 1] = accel[begin, 1]
-    return with_fields(readings, accel=accel)
+    return replace_fields(readings, accel=accel)
 
 
 def saturated(readings):
@@ -27,23 +27,23 @@ def saturated(readings):
     gyro = readings.gyro.copy()
     limit = np.quantile(np.abs(gyro[:, 2]), 0.9)
     gyro[:, 2] = np.clip(gyro[:, 2], -limit, limit)
-    return with_fields(readings, gyro=gyro)
+    return replace_fields(readings, gyro=gyro)
 
 
 FAULTS = {
-    "accelerometer_g": lambda r: with_fields(r, accel=r.accel / STANDARD_GRAVITY),
-    "accelerometer_mg": lambda r: with_fields(r, accel=1e3 * r.accel / STANDARD_GRAVITY),
-    "accelerometer_counts": lambda r: with_fields(
+    "accelerometer_g": lambda r: replace_fields(r, accel=r.accel / STANDARD_GRAVITY),
+    "accelerometer_mg": lambda r: replace_fields(r, accel=1e3 * r.accel / STANDARD_GRAVITY),
+    "accelerometer_counts": lambda r: replace_fields(
         r, accel=np.rint(16384.0 * r.accel / STANDARD_GRAVITY)
     ),
-    "gyroscope_degrees": lambda r: with_fields(r, gyro=np.degrees(r.gyro)),
-    "gyroscope_counts": lambda r: with_fields(r, gyro=np.rint(131.0 * np.degrees(r.gyro))),
-    "axes_down": lambda r: with_fields(r, gyro=r.gyro @ FRD, accel=r.accel @ FRD),
-    "axes_sideways": lambda r: with_fields(r, gyro=r.gyro @ CAMERA.T, accel=r.accel @ CAMERA.T),
-    "triads_swapped": lambda r: with_fields(r, gyro=r.accel, accel=r.gyro),
-    "gyroscope_absent": lambda r: with_fields(r, gyro=None),
-    "triad_zeros": lambda r: with_fields(r, gyro=0.0 * r.gyro),
-    "accelerometer_absent": lambda r: with_fields(r, accel=None),
+    "gyroscope_degrees": lambda r: replace_fields(r, gyro=np.degrees(r.gyro)),
+    "gyroscope_counts": lambda r: replace_fields(r, gyro=np.rint(131.0 * np.degrees(r.gyro))),
+    "axes_down": lambda r: replace_fields(r, gyro=r.gyro @ FRD, accel=r.accel @ FRD),
+    "axes_sideways": lambda r: replace_fields(r, gyro=r.gyro @ CAMERA.T, accel=r.accel @ CAMERA.T),
+    "triads_swapped": lambda r: replace_fields(r, gyro=r.accel, accel=r.gyro),
+    "gyroscope_absent": lambda r: replace_fields(r, gyro=None),
+    "triad_zeros": lambda r: replace_fields(r, gyro=0.0 * r.gyro),
+    "accelerometer_absent": lambda r: replace_fields(r, accel=None),
     "axis_stuck": stuck,
 }
 """Readings with a fault, by the kind of its finding."""
@@ -55,26 +55,26 @@ def shifted(readings, rows, by_ns):
     """Return readings with the stamps of some rows moved by a time [ns]."""
     t_ns = readings.t_ns.copy()
     t_ns[rows] += by_ns
-    return with_fields(readings, t_ns=t_ns)
+    return replace_fields(readings, t_ns=t_ns)
 
 
 def bunched(readings):
     """Return readings stamped on arrival, eight at a time."""
     rows = np.arange(len(readings))
-    return with_fields(readings, t_ns=readings.t_ns[rows // 8 * 8] + rows % 8 * 50_000)
+    return replace_fields(readings, t_ns=readings.t_ns[rows // 8 * 8] + rows % 8 * 50_000)
 
 
 STAMPS = {
-    "stamps_equal": lambda r: with_fields(r, t_ns=0 * r.t_ns),
-    "stamps_unit": lambda r: with_fields(r, t_ns=(r.t_ns - r.t_ns[0]) // 1000),
+    "stamps_equal": lambda r: replace_fields(r, t_ns=0 * r.t_ns),
+    "stamps_unit": lambda r: replace_fields(r, t_ns=(r.t_ns - r.t_ns[0]) // 1000),
     "clock_reset": lambda r: shifted(r, slice(len(r) // 2, None), -(10**9) * 60),
     "clock_change": lambda r: shifted(r, slice(len(r) // 2, None), 10**18),
     "stamps_stray": lambda r: shifted(r, 500, -(10**18)),
-    "stamps_shared": lambda r: with_fields(r, t_ns=r.t_ns[np.arange(len(r)) // 8 * 8]),
+    "stamps_shared": lambda r: replace_fields(r, t_ns=r.t_ns[np.arange(len(r)) // 8 * 8]),
     "stamps_bunched": bunched,
     "stamps_late": lambda r: r.rows(np.r_[0:500, 502, 500, 501, 503 : len(r)]),
     "messages_repeated": lambda r: r.rows(np.sort(np.r_[0 : len(r), 300:400])),
-    "stamps_rounded": lambda r: with_fields(r, t_ns=r.t_ns // MS * MS),
+    "stamps_rounded": lambda r: replace_fields(r, t_ns=r.t_ns // MS * MS),
 }
 """Readings whose stamps have a fault, by the kind of its finding."""
 
@@ -82,20 +82,20 @@ STAMPS = {
 def held(states):
     """Return states in which each fourth pose is repeated three times."""
     rows = np.arange(len(states)) // 4 * 4
-    return with_fields(states, position=states.position[rows], q_wb=states.q_wb[rows])
+    return replace_fields(states, position=states.position[rows], q_wb=states.q_wb[rows])
 
 
 POSES = {
     "poses_held": held,
     "poses_sparse": lambda s: s.rows(slice(None, None, 60)),
-    "poses_contradictory": lambda s: with_fields(
+    "poses_contradictory": lambda s: replace_fields(
         s, t_ns=np.r_[s.t_ns[:500], s.t_ns[499], s.t_ns[501:]]
     ),
-    "quaternion_order": lambda s: with_fields(s, q_wb=s.q_wb[:, [1, 2, 3, 0]]),
-    "z_down": lambda s: with_fields(
+    "quaternion_order": lambda s: replace_fields(s, q_wb=s.q_wb[:, [1, 2, 3, 0]]),
+    "z_down": lambda s: replace_fields(
         s, q_wb=rotation.multiply(s.q_wb, np.array([0.0, 1.0, 0.0, 0.0]))
     ),
-    "axes_camera": lambda s: with_fields(
+    "axes_camera": lambda s: replace_fields(
         s, q_wb=rotation.multiply(s.q_wb, np.array([0.5, -0.5, 0.5, -0.5]))
     ),
 }

@@ -17,11 +17,11 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from small_stereo import small_stereo
 
-from imu_sim_ros.bags.cameras import recorded_cameras
+from imu_sim_ros.bags.cameras import cameras_of_topics
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.datasets.recorded_bag import pixels
-from imu_sim_ros.datasets.transforms import to_root
+from imu_sim_ros.datasets.transforms import transform_to_root
 
 FLIGHT = small_stereo("0.6s", {"camera.time_offset": "0.005", "cam1.camera.images": "both"})
 
@@ -197,7 +197,7 @@ def test_topics_of_one_camera_are_found():
         "/cam0/image_raw/compressed": "CompressedImage",
         "/front/cam1/camera_info": "CameraInfo",
     }
-    cameras = recorded_cameras([topic(*item) for item in names.items()])
+    cameras = cameras_of_topics([topic(*item) for item in names.items()])
     assert [(c.name, c.images.name, c.depth and c.depth.name) for c in cameras] == [
         ("cam0", "/cam0/image_raw/compressed", None),
         ("cam1", "/front/cam1/image_raw", "/front/cam1/depth/image_raw"),
@@ -208,7 +208,7 @@ def test_places_are_chained_to_the_root_and_no_loop_is_endless():
     turn = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
     step = np.eye(4)
     step[:3, 3] = (1.0, 0.0, 0.0)
-    chained = to_root({"eye": ("head", step), "head": ("body", turn)}, "eye")
+    chained = transform_to_root({"eye": ("head", step), "head": ("body", turn)}, "eye")
     np.testing.assert_allclose(chained, turn @ step)
-    assert to_root({}, "eye") is None
-    assert to_root({"a": ("b", step), "b": ("a", step)}, "a") is not None
+    assert transform_to_root({}, "eye") is None
+    assert transform_to_root({"a": ("b", step), "b": ("a", step)}, "a") is not None

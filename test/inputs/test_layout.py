@@ -307,9 +307,9 @@ def test_states_of_openvins_are_read_by_their_header(tmp_path):
 
 
 def test_rows_that_share_a_stamp_have_a_text_too():
-    from imu_sim_ros.core.timebase import span
+    from imu_sim_ros.core.timebase import describe_span
 
-    assert span(np.array([0, 0, 0, 5_000_000])) == "4 in 0.005 s"
+    assert describe_span(np.array([0, 0, 0, 5_000_000])) == "4 in 0.005 s"
 
 
 DEGREES = np.linspace(-20.0, 60.0, N)

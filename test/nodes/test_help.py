@@ -28,7 +28,7 @@ def test_no_line_is_longer_than_the_terminal(
     name: str, columns: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(columns))
-    for parser in (help.parser(name), help.short_parser(name)):
+    for parser in (help.parser(name), help.main_parameter_parser(name)):
         text = parser.format_help()
         if columns < 80:  # commands are not broken
             text = re.sub(r"examples:\n.*?\n\n", "", text, flags=re.DOTALL)
@@ -45,7 +45,7 @@ def test_help_fits_two_screens_and_help_all_has_every_parameter(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     parameter_names = set(parameters(help.PROGRAMS[name].section()))
-    assert help.answer(name, ["--help"]) == 0
+    assert help.answer_requests(name, ["--help"]) == 0
     short = capsys.readouterr().out
     if help.PROGRAMS[name].main:
         assert len(short.splitlines()) <= SCREENS
@@ -53,7 +53,7 @@ def test_help_fits_two_screens_and_help_all_has_every_parameter(
         assert "--help-all" in short
         files = set(help.SECTION_FILES.values())
         assert set(help.PROGRAMS[name].main) <= parameter_names | {*help.SECTION_FILES} | files
-    assert help.answer(name, ["--help-all"]) == 0
+    assert help.answer_requests(name, ["--help-all"]) == 0
     whole = capsys.readouterr().out
     assert {f"--{key}" for key in parameter_names} <= set(
         re.findall(r"^  (--\S+)", whole, re.MULTILINE)
@@ -66,7 +66,7 @@ def test_examples_of_the_help_are_accepted(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("run.yaml").write_text("/**:\n  ros__parameters:\n    rate: 100.0\n")
-    tail = help.short_parser(name).format_help().partition("examples:\n")[2]
+    tail = help.main_parameter_parser(name).format_help().partition("examples:\n")[2]
     lines = [line.strip() for line in tail.partition("\n\n")[0].splitlines()]
     assert len(lines) >= 2
     parameter_names = set(parameters(help.PROGRAMS[name].section()))

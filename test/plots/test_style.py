@@ -114,7 +114,7 @@ def pictures():
     rng = np.random.default_rng(1)
     t = np.arange(2000) / 200.0
     series = [(t, rng.normal(size=(2000, 6))) for _ in range(2)]
-    yield "twin", calibration.draw(*series, 200.0, "flight.bag")
+    yield "twin", calibration.draw_spectra(*series, 200.0, "flight.bag")
 
 
 def test_no_legend_lies_over_a_curve_or_a_title():

@@ -24,7 +24,7 @@ from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.core.records import with_fields
+from imu_sim_ros.core.records import replace_fields
 from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.recordings.findings.catalogue import KINDS
 from imu_sim_ros.recordings.findings.policy import JOBS, FindingPolicy
@@ -39,17 +39,17 @@ TAG = re.compile(r"\[(\w+)\]")
 def coarse(readings):
     accel = readings.accel.copy()
     accel[:, 0] = np.random.default_rng(1).choice([-1.0, 1.0], len(readings))
-    return with_fields(readings, accel=accel)
+    return replace_fields(readings, accel=accel)
 
 
 def jittered(readings):
     late = 0.1e9 / RATE * np.random.default_rng(1).standard_normal(len(readings))
-    return with_fields(readings, t_ns=readings.t_ns + late.astype(np.int64))
+    return replace_fields(readings, t_ns=readings.t_ns + late.astype(np.int64))
 
 
 def paused(readings):
     hour = np.where(np.arange(len(readings)) < len(readings) // 2, 0, 3600 * 10**9)
-    return with_fields(readings, t_ns=readings.t_ns + hour)
+    return replace_fields(readings, t_ns=readings.t_ns + hour)
 
 
 MORE = {
@@ -222,10 +222,10 @@ def test_all_jobs_refuse_two_frames_on_a_topic(flight, tmp_path):
 
 TRACKS = {
     **POSES,
-    "poses_jump": lambda s: with_fields(
+    "poses_jump": lambda s: replace_fields(
         s, position=s.position + np.where(np.arange(len(s)) < 1200, 0.0, 1.0)[:, None]
     ),
-    "poses_outlying": lambda s: with_fields(
+    "poses_outlying": lambda s: replace_fields(
         s, position=s.position + np.where(np.arange(len(s)) == 700, 0.5, 0.0)[:, None]
     ),
     **{
@@ -291,8 +291,8 @@ def circle():
 @pytest.mark.parametrize("kind", TRACKS)
 def test_all_jobs_name_the_same_kinds_of_poses_in_a_file(circle, tmp_path, kind):
     path, truth = tmp_path / "poses.tum", tmp_path / "truth.tum"
-    poses = with_fields(circle.truth, velocity=None, angular_velocity=None)
-    write_tum(path, TRACKS[kind](with_fields(poses, position=poses.position + 0.01)))
+    poses = replace_fields(circle.truth, velocity=None, angular_velocity=None)
+    write_tum(path, TRACKS[kind](replace_fields(poses, position=poses.position + 0.01)))
     write_tum(truth, poses)
     jobs = jobs_of_tracks(circle, tmp_path, truth)
     kinds, wrong = wrong_outcomes(path, lambda source: True, jobs)

@@ -19,7 +19,7 @@ from imu_sim_ros.commands import inspect
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import LiveReading, LiveState, States, with_fields
+from imu_sim_ros.core.records import LiveReading, LiveState, States, replace_fields
 from imu_sim_ros.recordings.findings.catalogue import (
     KINDS,
     reading_findings,
@@ -28,7 +28,7 @@ from imu_sim_ros.recordings.findings.catalogue import (
 )
 from imu_sim_ros.recordings.findings.live import StampWatch, TwistWatch, UnitWatch
 from imu_sim_ros.recordings.live_clock import LiveClock
-from imu_sim_ros.recordings.repair import mended
+from imu_sim_ros.recordings.repair import repair_poses
 
 ROOT = Path(__file__).parents[2]
 IMUS = sorted(path.stem for path in (ROOT / "config" / "imus").glob("*.yaml"))
@@ -67,7 +67,7 @@ def test_both_triads_may_be_in_other_units(recordings):
 
 def test_gravity_of_the_wrong_sign_reads_as_axes_down(recordings):
     for readings in recordings:
-        assert kinds(with_fields(readings, accel=-readings.accel)) == ["axes_down"]
+        assert kinds(replace_fields(readings, accel=-readings.accel)) == ["axes_down"]
 
 
 def test_acceleration_without_gravity_is_found_at_rest_and_in_motion():
@@ -95,7 +95,7 @@ def test_a_scale_of_gravity_is_told_from_a_bias_by_several_attitudes():
     flight = ims.simulate(imu=imu, trajectory=positions, rate=25, seed=2)
     assert kinds(flight.readings) == []
     for scale in (0.93, 1.07):
-        (finding,) = reading_findings(with_fields(flight.readings, accel=scale * flight.accel))
+        (finding,) = reading_findings(replace_fields(flight.readings, accel=scale * flight.accel))
         assert finding.kind == "gravity_size"
         assert "in all attitudes" in finding.evidence
 
@@ -115,21 +115,21 @@ def test_steps_larger_than_the_noise_are_found(recordings):
     coarse = recordings[0].accel.copy()
     mean = coarse[:, 0].mean()
     coarse[:, 0] = np.where(coarse[:, 0] > mean, mean + 0.5, mean - 0.5)
-    assert kinds(with_fields(recordings[0], accel=coarse)) == ["steps_coarse"]
+    assert kinds(replace_fields(recordings[0], accel=coarse)) == ["steps_coarse"]
 
 
 def test_traits_of_the_clock_are_findings_with_their_row(recordings):
     readings = recordings[1]
     late = readings.t_ns + np.where(np.arange(len(readings)) > 2000, 50_000_000, 0)
-    (finding,) = reading_findings(with_fields(readings, t_ns=late))
+    (finding,) = reading_findings(replace_fields(readings, t_ns=late))
     assert (finding.kind, finding.row, finding.number) == ("samples_lost", 2001, 10)
     assert finding.t == pytest.approx(10.055)
     paused = readings.t_ns + np.where(np.arange(len(readings)) > 2000, 3_600_000_000_000, 0)
-    assert kinds(with_fields(readings, t_ns=paused)) == ["clock_pause"]
+    assert kinds(replace_fields(readings, t_ns=paused)) == ["clock_pause"]
     shared = readings.t_ns[np.arange(len(readings)) // 8 * 8]
-    assert kinds(with_fields(readings, t_ns=shared)) == ["stamps_shared"]
+    assert kinds(replace_fields(readings, t_ns=shared)) == ["stamps_shared"]
     back = readings.t_ns - np.where(np.arange(len(readings)) > 2000, 9_000_000_000, 0)
-    assert kinds(with_fields(readings, t_ns=back)) == ["clock_reset"]
+    assert kinds(replace_fields(readings, t_ns=back)) == ["clock_reset"]
 
 
 def clean(imu, trajectory, rate, duration, folder, forms=("mcap", "euroc")):
@@ -251,7 +251,9 @@ def test_poses_of_every_trajectory_have_no_finding():
 
 def test_held_poses_are_found_with_the_true_rate(poses):
     rows = np.arange(len(poses)) // 4 * 4
-    steps = with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None)
+    steps = replace_fields(
+        poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None
+    )
     (finding,) = state_findings(steps)
     assert finding.kind == "poses_held"
     assert "25 Hz, not 100" in finding.evidence
@@ -259,33 +261,33 @@ def test_held_poses_are_found_with_the_true_rate(poses):
 
 @pytest.mark.parametrize("order", [[1, 2, 3, 0], [3, 0, 1, 2]])
 def test_quaternions_in_another_order_are_found(poses, order):
-    permuted = with_fields(poses, q_wb=poses.q_wb[:, order], velocity=None)
+    permuted = replace_fields(poses, q_wb=poses.q_wb[:, order], velocity=None)
     assert pose_kinds(permuted) == ["quaternion_order"]
 
 
 def test_a_twist_that_contradicts_the_poses_is_found(poses):
     # The reader turns the twist by the attitude: one in the world's axes is turned once too often.
-    world = with_fields(poses, velocity=rotation.rotate(poses.q_wb, poses.velocity))
+    world = replace_fields(poses, velocity=rotation.rotate(poses.q_wb, poses.velocity))
     assert pose_kinds(world) == ["twist_world"]
-    unfilled = with_fields(poses, velocity=0.0 * poses.velocity)
+    unfilled = replace_fields(poses, velocity=0.0 * poses.velocity)
     assert pose_kinds(unfilled) == ["twist_unfilled"]
 
 
 def test_sparse_disordered_and_turned_poses_are_found(poses):
-    assert pose_kinds(with_fields(poses.rows(slice(None, None, 60)), velocity=None)) == [
+    assert pose_kinds(replace_fields(poses.rows(slice(None, None, 60)), velocity=None)) == [
         "poses_sparse"
     ]
     swapped = np.arange(len(poses))
     swapped[[500, 501]] = [501, 500]
     assert pose_kinds(poses.rows(swapped)) == ["stamps_late"]
     half_turn = rotation.multiply(poses.q_wb, np.array([0.0, 1.0, 0.0, 0.0]))
-    poses = with_fields(poses, angular_velocity=None)
-    assert pose_kinds(with_fields(poses, q_wb=half_turn)) == ["z_down"]
+    poses = replace_fields(poses, angular_velocity=None)
+    assert pose_kinds(replace_fields(poses, q_wb=half_turn)) == ["z_down"]
     camera = rotation.multiply(poses.q_wb, np.array([0.5, -0.5, 0.5, -0.5]))
-    assert pose_kinds(with_fields(poses, q_wb=camera)) == ["axes_camera"]
-    hovering = with_fields(poses, q_wb=camera, position=0.01 * poses.position, velocity=None)
+    assert pose_kinds(replace_fields(poses, q_wb=camera)) == ["axes_camera"]
+    hovering = replace_fields(poses, q_wb=camera, position=0.01 * poses.position, velocity=None)
     assert pose_kinds(hovering) == ["axes_camera"]
-    few = with_fields(poses.rows(slice(None, None, 200)), velocity=None)
+    few = replace_fields(poses.rows(slice(None, None, 200)), velocity=None)
     assert len(few) < 20
     assert pose_kinds(few) == ["poses_sparse"]
 
@@ -297,7 +299,7 @@ def test_smooth_poses_are_mended_nowhere_however_far_and_fast():
         for shift in (0.0, 300.0, 5e6):
             for scale in (0.01, 1.0, 100.0):
                 position = states.position * scale + np.array([shift, -shift, 0.1 * shift])
-                result = mended(with_fields(states, position=position))
+                result = repair_poses(replace_fields(states, position=position))
                 assert not result.disturbances, (trajectory, shift, scale)
                 assert len(result.poses.position) == len(states)
 
@@ -305,10 +307,12 @@ def test_smooth_poses_are_mended_nowhere_however_far_and_fast():
 def test_poses_that_are_held_at_late_stamps_are_one_finding(poses):
     """A physics of 50 Hz, logged at 200 Hz with a phase that drifts: no jumps, no outliers."""
     rows = (np.arange(len(poses)) * 0.25 * 1.003).astype(int).clip(max=len(poses) // 4 - 1) * 4
-    steps = with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None)
+    steps = replace_fields(
+        poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None
+    )
     assert pose_kinds(steps) == ["poses_held"]
     jumped = steps.position + np.where(np.arange(len(steps)) > 1000, 1.0, 0.0)[:, None]
-    assert pose_kinds(with_fields(steps, position=jumped)) == ["poses_held", "poses_jump"]
+    assert pose_kinds(replace_fields(steps, position=jumped)) == ["poses_held", "poses_jump"]
 
 
 def test_steps_that_the_noise_crosses_are_no_finding():
@@ -328,7 +332,9 @@ def test_the_noise_floor_is_that_of_the_sensor():
 
 def test_held_poses_are_mended_to_one_of_each(poses):
     rows = np.arange(len(poses)) // 4 * 4
-    result = mended(with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows]))
+    result = repair_poses(
+        replace_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows])
+    )
     assert len(result.disturbances.repeated) == len(poses) * 3 // 4
     np.testing.assert_array_equal(result.poses.position, poses.position[::4])
     np.testing.assert_array_equal(result.t, poses.t[::4])
@@ -354,7 +360,7 @@ def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits, 
     q_wb = rotation.from_euler(np.stack([0.0 * yaw, 0.0 * yaw, yaw], 1))
     rounded = rotation.normalise(np.round(q_wb, digits))
     t_ns = np.round(seconds * 1e9).astype(np.int64) // stamp_ns * stamp_ns
-    result = mended(States(t_ns, np.round(position, digits), rounded))
+    result = repair_poses(States(t_ns, np.round(position, digits), rounded))
     assert not len(result.disturbances.single)
     assert not result.disturbances.jumps
     steps = np.diff(result.t)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.core.records import LiveReading, LiveState, States, with_fields
+from imu_sim_ros.core.records import LiveReading, LiveState, States, replace_fields
 from imu_sim_ros.core.rotation import (
     exp,
     from_euler,
@@ -104,8 +104,8 @@ def test_angular_rates_in_the_axes_of_the_world_are_told_without_a_motion(rate, 
 @pytest.mark.parametrize("rate", [10, 100, 1000])
 def test_noise_of_poses_at_rest_is_no_motion(rate):
     truth = turning(rate, 5e-3)
-    still = with_fields(truth, q_wb=truth.q_wb[:1] + 1e-3 * truth.position[:, [0, 0, 1, 2]])
-    still = with_fields(still, q_wb=normalise(still.q_wb), angular_velocity=0.0 * truth.velocity)
+    still = replace_fields(truth, q_wb=truth.q_wb[:1] + 1e-3 * truth.position[:, [0, 0, 1, 2]])
+    still = replace_fields(still, q_wb=normalise(still.q_wb), angular_velocity=0.0 * truth.velocity)
     assert watched(still, "body", still.velocity, still.angular_velocity)[0] == set()
     assert not [f for f in state_findings(still) if f.kind.startswith("twist")]
 

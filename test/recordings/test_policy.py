@@ -17,7 +17,7 @@ from imu_sim_ros.commands import convert_bag as convert_command
 from imu_sim_ros.commands import dead_reckon as dead_reckon_command
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError, InputWarning
-from imu_sim_ros.core.records import LiveReading, with_fields
+from imu_sim_ros.core.records import LiveReading, replace_fields
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, unit_findings
 from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.findings.policy import JOBS, ROLES
@@ -50,7 +50,7 @@ def with_constant_axes(readings):
     """
     gyro, accel = readings.gyro.copy(), readings.accel.copy()
     gyro[:, :2], accel[:, ::2] = gyro[0, :2], accel[0, ::2]
-    return with_fields(readings, gyro=gyro, accel=accel)
+    return replace_fields(readings, gyro=gyro, accel=accel)
 
 
 def told_by(call):
@@ -306,7 +306,7 @@ def changed_poses(truth, kind):
     else:
         turn = {"z_down": [0.0, 1.0, 0.0, 0.0], "axes_camera": [0.5, -0.5, 0.5, -0.5]}[kind]
         position, q_wb = truth.position, rotation.multiply(truth.q_wb, np.array(turn))
-    return with_fields(truth, position=position, q_wb=q_wb, velocity=None, angular_velocity=None)
+    return replace_fields(truth, position=position, q_wb=q_wb, velocity=None, angular_velocity=None)
 
 
 def test_dead_reckoning_tells_the_axes_of_its_truth_on_the_command_line(circle, tmp_path, capsys):

@@ -17,7 +17,7 @@ from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
 from imu_sim_ros.bags.messages.stamps import transform_stamps
 from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.core.errors import InputError, InputWarning
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import States, replace_fields
 from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.jobs.convert import CopiedStamps
 
@@ -39,7 +39,7 @@ def poses(rate):
 def restamped(states, rows, step_ns):
     t_ns = states.t_ns.copy()
     t_ns[rows] += step_ns
-    return with_fields(states, t_ns=t_ns)
+    return replace_fields(states, t_ns=t_ns)
 
 
 CORRECTED = {
@@ -150,7 +150,7 @@ def test_poses_in_python_are_taken_as_those_of_files(flight_of_poses):
 def flight_of_poses():
     """Return poses, and a truth that differs from them by a millimetre."""
     states = poses(20.0)
-    return states, with_fields(states, position=states.position + 1e-3)
+    return states, replace_fields(states, position=states.position + 1e-3)
 
 
 @pytest.mark.parametrize("container", ["tum", "euroc", "mcap", "ros1"])

@@ -8,8 +8,8 @@ import pytest
 
 import imu_sim_ros as ims
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.records import with_fields
-from imu_sim_ros.recordings.tracks import TrackedFrame, turn_between
+from imu_sim_ros.core.records import replace_fields
+from imu_sim_ros.recordings.tracks import TrackedFrame, rotation_between_frames
 
 MOUNT = rotation.exp(np.array([0.3, 1.2, -2.0]))
 
@@ -45,7 +45,7 @@ def test_the_offset_of_a_tracker_is_in_its_interval():
 def test_the_offset_of_two_imus_is_told_to_a_fraction_of_a_sample():
     flight, readings = flown("excitation", 1), flown("excitation", 2, "mpu6000").readings
     gyro = rotation.rotate_inverse(MOUNT, readings.gyro)
-    late = with_fields(readings, t_ns=readings.t_ns + 7_300_000, gyro=gyro, source="second")
+    late = replace_fields(readings, t_ns=readings.t_ns + 7_300_000, gyro=gyro, source="second")
     (interval,) = ims.inspect([flight.readings, late]).offsets
     assert interval.low_s <= -0.0073 <= interval.high_s
     assert interval.high_s - interval.low_s < 1e-3
@@ -100,7 +100,7 @@ def test_the_offset_of_two_trajectories_is_in_its_interval():
         truth, offset = flown("excitation", seed).truth, 0.03 * (seed - 1.3)
         pair = tracked(truth, 0.0, seed, 2), tracked(truth, offset, seed + 9, 5)
         reference, tracker = (
-            with_fields(poses, source=name) for poses, name in zip(pair, "ab", strict=True)
+            replace_fields(poses, source=name) for poses, name in zip(pair, "ab", strict=True)
         )
         (interval,) = ims.inspect([reference, tracker]).offsets
         assert (interval.source, interval.reference) == ("b", "a")
@@ -143,6 +143,6 @@ def test_a_translation_of_a_camera_is_no_rotation():
             TrackedFrame(0, np.arange(80), seen / np.linalg.norm(seen, axis=1)[:, None])
             for seen in (points, later)
         ]
-        np.testing.assert_allclose(turn_between(*frames), turn, atol=1e-6)
+        np.testing.assert_allclose(rotation_between_frames(*frames), turn, atol=1e-6)
     few = frames[0]._replace(ids=frames[0].ids + 70)
-    assert turn_between(few, frames[1]) is None
+    assert rotation_between_frames(few, frames[1]) is None

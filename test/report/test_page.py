@@ -24,10 +24,10 @@ from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
 from imu_sim_ros.campaigns.verdict import headline, judge
 from imu_sim_ros.commands.report import main
-from imu_sim_ros.core.records import Readings, with_fields
+from imu_sim_ros.core.records import Readings, replace_fields
 from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.reports import streams
-from imu_sim_ros.reports.page import Section, as_json, column, html, table
+from imu_sim_ros.reports.page import Section, column, html, json_for_script, table
 from imu_sim_ros.sensors.camera.images.files import decode_image
 
 from .conftest import GAP_AT, HOSTILE, RATE, SAMPLES, START
@@ -68,7 +68,7 @@ def test_no_text_ends_its_element_and_nothing_is_fetched():
 
 
 def plain_numbers(values):
-    return json.loads(as_json(values))
+    return json.loads(json_for_script(values))
 
 
 def test_numbers_are_short_and_finite():
@@ -455,7 +455,7 @@ def test_baselines_make_a_trend_and_the_last_is_compared_with(results, tmp_path)
 
 def test_poses_without_a_recording_are_on_common_axes(tmp_path):
     flight = ims.simulate(imu="perfect", trajectory="circle", rate=50, duration=4)
-    poses = with_fields(flight.truth, velocity=None, angular_velocity=None)
+    poses = replace_fields(flight.truth, velocity=None, angular_velocity=None)
     for name in ("a.tum", "b.txt"):
         write_tum(tmp_path / name, poses)
     page = page_of(tmp_path / "a.tum", tmp_path, str(tmp_path / "b.txt"))

@@ -101,9 +101,9 @@ def test_right_jacobian_is_the_derivative_of_exp(scale):
 def test_continuous_removes_every_sign_flip():
     smooth = rotation.exp(np.linspace(0, 6, 200)[:, None] * [0.6, 0.0, 0.8])
     flipped = smooth * np.where(RNG.random(200) < 0.5, -1.0, 1.0)[:, None]
-    result = rotation.continuous(flipped)
+    result = rotation.unwrap_signs(flipped)
     np.testing.assert_array_equal(result, smooth * np.sign(flipped[0, 0] * smooth[0, 0]))
-    assert rotation.continuous(np.empty((0, 4))).shape == (0, 4)
+    assert rotation.unwrap_signs(np.empty((0, 4))).shape == (0, 4)
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 10, 101, 1000])

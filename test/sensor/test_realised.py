@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.datasets.truth_files import new_truths
+from imu_sim_ros.datasets.truth_files import new_truth_files
 from imu_sim_ros.parameters.sections import flatten, parameters
 from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -103,7 +103,7 @@ def changed(name):
 
 def truth_of(values):
     """Return the truth file without its comment."""
-    (text,) = new_truths(Path("nowhere/a.mcap"), load_simulation(values)).values()
+    (text,) = new_truth_files(Path("nowhere/a.mcap"), load_simulation(values)).values()
     return text.partition("/**:")[2]
 
 

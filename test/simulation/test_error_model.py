@@ -12,7 +12,7 @@ from simulation_runs import EVERY_TERM
 import imu_sim_ros as ims
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.core.records import LiveReading, Readings, concatenated, with_fields
+from imu_sim_ros.core.records import LiveReading, Readings, concatenate, replace_fields
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.faults import Fault
@@ -383,7 +383,7 @@ def test_a_long_gap_is_a_pause() -> None:
     model = GivenImu(
         load_error_model({"imu.preset": "perfect", "seed": 5, **values}), remark=lines.append
     )
-    samples = joined(model.read(with_fields(readings, t_ns=late)))
+    samples = joined(model.read(replace_fields(readings, t_ns=late)))
     assert np.array_equal(samples.gyro, expected.gyro)
     assert model.counts.pauses == 1
     assert "60.005 s: a pause" in lines[0]
@@ -395,7 +395,7 @@ def test_a_jump_back_begins_again(restart: str) -> None:
     starts, second = truth_of(values, 300), truth_of(values, 300)
     if restart == "next_seed":
         second = truth_of({**values, "seed": 6}, 300)
-    twice = concatenated([given_of(starts), given_of(starts)])
+    twice = concatenate([given_of(starts), given_of(starts)])
     model = model_of(values, **{"input.restart": restart})
     samples = read_in(model, twice, [64])
     assert np.array_equal(samples.gyro, np.concatenate([starts.gyro, second.gyro]))
@@ -709,7 +709,7 @@ def test_errors_that_are_added_twice_are_told(sensor: str, rate: float) -> None:
 def test_noise_of_an_input_in_other_axes_and_faster_than_the_sensor() -> None:
     ideal = ideal_of(1000.0)
     noise = np.random.default_rng(1).standard_normal((len(ideal.t_ns), 3)) * [0.0, 0.0, 0.05]
-    readings = with_fields(ideal, accel=ideal.accel + noise)
+    readings = replace_fields(ideal, accel=ideal.accel + noise)
     axes = {"imu.accelerometer_noise_density": [1.0, 1.0, 0.002], "input.axes": "optical"}
     assert said_of(readings, 1000.0, "perfect", **axes) == []  # z is the sensor's x
     axes["imu.accelerometer_noise_density"] = [0.002, 1.0, 1.0]
@@ -752,11 +752,11 @@ def test_held_readings_are_no_noise_and_theirs_is_told(share: float) -> None:
     joined_up = [
         np.interp(t_ns, t_ns[starts], axis_values) for axis_values in readings.accel[starts].T
     ]
-    assert said_of(with_fields(readings, accel=np.stack(joined_up, axis=1)), rate) == []
+    assert said_of(replace_fields(readings, accel=np.stack(joined_up, axis=1)), rate) == []
     density = 0.001
     noise = np.random.default_rng(1).standard_normal(readings.accel.shape)
     noise *= density * np.sqrt(rate * share)
-    noisy = said_of(with_fields(readings, accel=readings.accel + noise[step]), rate, "bmi055")
+    noisy = said_of(replace_fields(readings, accel=readings.accel + noise[step]), rate, "bmi055")
     if share in (0.06, 0.25, 0.5, 0.95):  # others have no stretch of even steps
         assert densities(noisy) == [pytest.approx(density, rel=0.3)]
 
@@ -781,7 +781,7 @@ def test_contacts_gaps_and_jitter_are_no_noise(rate: float) -> None:
     readings = swinging(t, 3.0, 3.0)
     hit = rng.random((count, 1)) < 0.1
     kicks = rng.standard_normal((2, count, 3)) * hit
-    kicked = with_fields(
+    kicked = replace_fields(
         readings, gyro=readings.gyro + kicks[0], accel=readings.accel + 20.0 * kicks[1]
     )
     assert said_of(kicked, rate, "bmi088") == []
@@ -799,7 +799,7 @@ def test_noise_is_told_in_spite_of_contacts_and_a_gap_but_not_of_few_readings() 
         readings = swinging(t, 1.0, 1.0)
         kicks = rng.standard_normal(readings.gyro.shape) * (rng.random((len(t), 1)) < 0.05)
         noise = density * np.sqrt(rate) * rng.standard_normal(kicks.shape)
-        noisy = with_fields(readings, gyro=readings.gyro + kicks + noise).rows(
+        noisy = replace_fields(readings, gyro=readings.gyro + kicks + noise).rows(
             (t < 0.7) | (t > 1.1)
         )
         # Of 1,700 readings 5 % are hit, and each hit disturbs its neighbours too: the robust
@@ -815,7 +815,7 @@ def test_rounding_is_noise_if_it_is_coarse(rate: float) -> None:
     moving = np.sin(0.05 * k + np.arange(3)) + np.sin(0.071 * k)
     for steps, count in ((0.8, 0), (2.0, 1)):
         step = steps * deviation
-        readings = with_fields(ideal, accel=np.rint(ideal.accel / step + 300.0 * moving) * step)
+        readings = replace_fields(ideal, accel=np.rint(ideal.accel / step + 300.0 * moving) * step)
         lines = said_of(readings, rate, **{"imu.accelerometer_resolution": 0.0})
         assert len(lines) == count
         assert all("coarse rounding look the same" in line for line in lines)

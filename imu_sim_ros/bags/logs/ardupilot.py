@@ -185,7 +185,7 @@ def _load(path: Path, is_binary: bool) -> tuple[dict[str, dict[str, AnyArray]], 
         ) from None
     lines: list[str] = []
     try:
-        with log.printed(lines):
+        with log.capture_output(lines):
             if is_binary:
                 with contextlib.closing(DFReader_binary(str(path), zero_time_base=True)) as binary:
                     columns = _binary_columns(binary)
@@ -437,7 +437,7 @@ def _receivers(tables: Tables, remarks: list[str]) -> Iterator[LogStream]:
         accuracy = accuracies.get(table.instance)
         stated = None if accuracy is None else accuracy.vector("HAcc", "VAcc", "SAcc")
         if accuracy is not None and stated is not None:
-            deviations = log.interpolated(accuracy.t_ns, t_ns, stated)
+            deviations = log.interpolate_columns(accuracy.t_ns, t_ns, stated)
         latitude, longitude, height = place.T
         yield log.fix(
             table.topic,

@@ -94,7 +94,7 @@ def contents(path: Path) -> Contents:
 
     def segment(index: int) -> Segment:
         def poses(rows: slice) -> tuple[Array, Array]:
-            return segments.in_world(*_chain(joints, index, frames[rows]), axis, unit)
+            return segments.convert_to_z_up(*_chain(joints, index, frames[rows]), axis, unit)
 
         return Segment(joints[index].name, t_ns, poses)
 

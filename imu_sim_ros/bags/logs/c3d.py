@@ -27,7 +27,7 @@ import numpy as np
 from imu_sim_ros.bags.logs import c3d_process, segments
 from imu_sim_ros.bags.logs.log import Contents, LogStream
 from imu_sim_ros.bags.logs.segments import Segment
-from imu_sim_ros.core.errors import InputError, MissingDependencyError, naming
+from imu_sim_ros.core.errors import InputError, MissingDependencyError, name_source
 from imu_sim_ros.core.rotation import from_matrix
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.inputs.rows import open_regular
@@ -265,7 +265,7 @@ def _clusters(markers: _Markers, world: _World, remarks: list[str]) -> Iterator[
         unique = plain_names.count(plain) == 1 and plain.lower() != "marker"
         short = plain if unique else (subject if plain.lower() == "marker" else name)
         try:
-            yield _of_markers(short, markers, columns, world)
+            yield _segment_of_markers(short, markers, columns, world)
         except InputError as error:
             remarks.append(f"left out: {error}")
 
@@ -287,14 +287,18 @@ def _derived_topic_maker(
                 f"{path}: has no marker {', '.join(unknown)}; "
                 f"it has {_format_labels(markers.labels)}"
             )
-        with naming(path):
-            segment = _of_markers(name, markers, [columns[label] for label in labels], world)
+        with name_source(path):
+            segment = _segment_of_markers(
+                name, markers, [columns[label] for label in labels], world
+            )
         return segments.stream(f"/{name}", segment)
 
     return stream
 
 
-def _of_markers(name: str, markers: _Markers, columns: Sequence[int], world: _World) -> Segment:
+def _segment_of_markers(
+    name: str, markers: _Markers, columns: Sequence[int], world: _World
+) -> Segment:
     """Return the segment that carries some markers.
 
     :param columns: indices of the markers.
@@ -356,7 +360,7 @@ def _segment(
     name: str, t_ns: Times, position: Array, q: Array, world: _World, remarks: Sequence[str]
 ) -> Segment:
     """Return a segment of poses in the axes and the unit of the file."""
-    position, q_wb = segments.in_world(position, q, world.axis, world.unit)
+    position, q_wb = segments.convert_to_z_up(position, q, world.axis, world.unit)
     return Segment(name, t_ns, lambda rows: (position[rows], q_wb[rows]), remarks=tuple(remarks))
 
 

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.json_text import json_text
 
 ARRAYS: Final = ("points", "rotations")
 """Names of the arrays, NAME.npy each: (4, m, n) and (4, 4, m, n)."""
@@ -49,7 +49,7 @@ def main(path: str, folder: str) -> int:
     except Exception as error:  # whatever the library raises for malformed bytes
         print(" ".join(str(error).split()) or type(error).__name__)
         return 2
-    Path(folder, PARAMETERS).write_text(as_json(parameters), encoding="utf-8")
+    Path(folder, PARAMETERS).write_text(json_text(parameters), encoding="utf-8")
     return 0
 
 

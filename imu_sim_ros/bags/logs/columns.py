@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array, Mask, Times
-from imu_sim_ros.inputs.layout import STAMP_BYTES, nanosecond, nanoseconds
+from imu_sim_ros.inputs.layout import STAMP_BYTES, nanoseconds, parse_nanoseconds
 from imu_sim_ros.inputs.rows import number_of, open_shared
 
 HEAD_BYTES: Final = 1 << 14
@@ -233,7 +233,7 @@ def valid_stamps(t_ns: Times) -> Mask:
     return (t_ns >= 0) & (t_ns < _LAST_STAMP)
 
 
-def unit_in(name: str) -> tuple[str, str]:
+def split_unit(name: str) -> tuple[str, str]:
     """Return the name of a column without its unit in brackets, and the unit.
 
     ``"Acc_X (in m/s2)"`` is ``"Acc_X"`` in ``"m/s2"``.
@@ -254,7 +254,7 @@ def _is_number(text: str) -> bool:
 def _is_stamp(text: str, digits: int) -> bool:
     """Return True for a cell whose number of time units is a stamp."""
     try:
-        nanosecond(text, digits, whole=False)
+        parse_nanoseconds(text, digits, whole=False)
     except (ValueError, OverflowError):
         return False
     return True

@@ -31,7 +31,7 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.reader import END_NS, Bag, Recover, Timed
 from imu_sim_ros.core.conventions import BODY_FRAME, IMU_FRAME, TRIADS, WORLD_FRAME
-from imu_sim_ros.core.errors import InputError, Remark, naming, warn
+from imu_sim_ros.core.errors import InputError, Remark, name_source, warn
 from imu_sim_ros.core.rotation import (
     conjugate,
     interpolate,
@@ -177,7 +177,7 @@ class LogBag(Bag):
                 stop = int(np.searchsorted(record_ns, end_ns))
                 rows = slice(starts[k], stop)
                 if stop > starts[k]:
-                    with naming(self.path):
+                    with name_source(self.path):
                         payloads = stream.encode(rows)
                     blocks.append(MessageBlock(info, record_ns[rows], payloads))
                 starts[k] = stop
@@ -347,7 +347,7 @@ def _neighbours(t_ns: Times) -> tuple[Integers, Integers, Array]:
     return start, end, np.where(seconds > 0.0, seconds, np.inf)[:, None]
 
 
-def interpolated(t_ns: Times, at_ns: Times, values: Array) -> Array:
+def interpolate_columns(t_ns: Times, at_ns: Times, values: Array) -> Array:
     """Return columns (m, k) interpolated to ``at_ns`` (m,); beyond the ends they are constant.
 
     :param t_ns: (n,) times of the values (n, k), in any order.
@@ -455,7 +455,7 @@ def _alone(
 
 
 @contextmanager
-def printed(lines: list[str]) -> Iterator[None]:
+def capture_output(lines: list[str]) -> Iterator[None]:
     """Catch the lines that a library prints about a log, by Python or to the descriptor itself.
 
     :param lines: receives the lines after the block.

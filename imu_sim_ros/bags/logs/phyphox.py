@@ -138,7 +138,7 @@ def _is_set(content: bytes) -> bool:
 
 def _unit(name: str) -> str | None:
     """Return the unit in the name of a column as in ``_UNITS``; None: an unknown one."""
-    return _UNITS.get(columns.unit_in(name)[1])
+    return _UNITS.get(columns.split_unit(name)[1])
 
 
 def _plain(name: str) -> str:
@@ -162,7 +162,7 @@ def _sets(table: ColumnTable, damage: list[str]) -> Iterator[_Set]:
     for unit in (_FORCE, _RATE, _FIELD, _PRESSURE):
         axes: dict[str, dict[str, str]] = {}
         for column in _columns_of(table, unit):
-            plain = _plain(columns.unit_in(column)[0])
+            plain = _plain(columns.split_unit(column)[0])
             match = _AXIS.search(plain)
             if match is not None:
                 quantity = (plain[: match.start()] + plain[match.end() :]).strip()
@@ -249,7 +249,7 @@ def _specific_force(sets: Sequence[_Set], clock: _Clock, remarks: list[str]) -> 
         )
         return None
     motion, down = _triad(topic, motions[0], clock), _triad("", gravity, clock)
-    values = log.interpolated(down.t_ns, motion.t_ns, down.values)
+    values = log.interpolate_columns(down.t_ns, motion.t_ns, down.values)
     remarks.append("the specific force is the sum of acceleration and gravity")
     return LogTriad(topic, motion.aliases, motion.t_ns, motion.values + values)
 
@@ -261,7 +261,7 @@ def _median_length(entry: _Set) -> float:
 
 def _location(table: ColumnTable, clock: _Clock, damage: list[str]) -> Iterator[LogStream]:
     """Yield the positions of the phone."""
-    by_name = {columns.unit_in(name)[0].lower(): name for name in table.names}
+    by_name = {columns.split_unit(name)[0].lower(): name for name in table.names}
     needed = [by_name.get(name) for name in ("latitude", "longitude")]
     heights = ("altitude wgs84", "altitude", "height")
     height = next((by_name[name] for name in heights if name in by_name), None)

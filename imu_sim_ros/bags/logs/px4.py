@@ -170,7 +170,7 @@ def _load(path: Path) -> "ULog":
             f"{path}: a ULog file is read by pyulog: pip install pyulog"
         ) from None
     try:
-        with log.printed([]):
+        with log.capture_output([]):
             return ULog(str(path), sorted(_NAMES))
     except (OSError, MemoryError):
         raise
@@ -375,7 +375,7 @@ def _rates_at(instances: Sequence[_Topic], t_ns: Times) -> Array | None:
         times = topic.t_ns
         if rates is None or times.min() > t_ns.min() or times.max() < t_ns.max():
             return None
-        return log.interpolated(times, t_ns, axes.flu(rates))
+        return log.interpolate_columns(times, t_ns, axes.flu(rates))
     return None
 
 

@@ -58,7 +58,7 @@ def axes_sentence(axis: str) -> str:
     return f"{axis} is up: x, y, z are its {', '.join(texts)}"
 
 
-def in_world(position: Array, q_file: Array, axis: str, unit: float) -> tuple[Array, Array]:
+def convert_to_z_up(position: Array, q_file: Array, axis: str, unit: float) -> tuple[Array, Array]:
     """Return positions (n, 3) [m] and attitudes (n, 4) in a world with z up.
 
     :param position: (n, 3) in units of the file.

@@ -214,7 +214,7 @@ class _Recording:
             return None
         t_ns, values = motion.t_ns, gravity.values
         if not np.array_equal(t_ns, gravity.t_ns):
-            values = log.interpolated(gravity.t_ns, t_ns, values)
+            values = log.interpolate_columns(gravity.t_ns, t_ns, values)
         self._remarks.append("Accelerometer: the specific force is the sum with Gravity")
         return LogTriad(motion.topic, motion.aliases, t_ns, motion.values + values)
 

@@ -29,7 +29,7 @@ from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.gps_time import GPS_EPOCH, WEEK, leap_seconds
 from imu_sim_ros.core.rotation import from_euler
 from imu_sim_ros.core.types import Array, Bytes, Mask, Times
-from imu_sim_ros.inputs.layout import nanosecond
+from imu_sim_ros.inputs.layout import parse_nanoseconds
 from imu_sim_ros.inputs.rows import number_of, open_shared
 
 MEMORY = 8
@@ -213,7 +213,7 @@ def _host_time(prefix: bytes) -> int | None:
         return None
     digits = next(digits for size, digits in _DIGITS_OF_CLOCKS if float(number[0]) >= size)
     try:
-        return nanosecond(number[0].decode(), digits, whole=False)
+        return parse_nanoseconds(number[0].decode(), digits, whole=False)
     except (ValueError, OverflowError):
         return None
 

@@ -92,7 +92,7 @@ def _canonical(name: str) -> str:
 
 def _bare(name: str) -> str:
     """Return a name without its unit; the brackets of ``Mat[1][1]`` are none."""
-    return name if name.strip().lower().startswith("mat") else columns.unit_in(name)[0]
+    return name if name.strip().lower().startswith("mat") else columns.split_unit(name)[0]
 
 
 def _header(lines: Sequence[bytes]) -> int | None:
@@ -114,7 +114,7 @@ class _Export:
     def __init__(
         self, table: ColumnTable, head: bytes, damage: list[str], remarks: list[str]
     ) -> None:
-        self._units = {_canonical(name): columns.unit_in(name)[1] for name in table.names}
+        self._units = {_canonical(name): columns.split_unit(name)[1] for name in table.names}
         table.names = [_canonical(name) for name in table.names]
         self._table, self._head = table, head
         self._damage, self._remarks = damage, remarks
@@ -160,7 +160,7 @@ class _Export:
             parts["accel"] = parts["velocity"] / seconds
         if "turn" in parts:
             parts["gyro"] = rotation_vector(parts["turn"]) / seconds
-        elif "gyro" in parts and self._in_degrees():
+        elif "gyro" in parts and self._has_degrees():
             parts["gyro"] = np.radians(parts["gyro"])
         q_wi = self._orientation(vector)
         yield log.imu("/imu", t_ns, parts.get("gyro"), parts.get("accel"), q_wi=q_wi)
@@ -226,7 +226,7 @@ class _Export:
         stamps: Times = np.rint((unwrapped - unwrapped[:1]) * (1e9 / rate)).astype(np.int64)
         return stamps
 
-    def _in_degrees(self) -> bool:
+    def _has_degrees(self) -> bool:
         """Return True for rates in degrees: by the header, or those of DOT."""
         unit = self._units.get("gyrx", "").lower()
         return unit.startswith("deg") or unit == "dps" or (not unit and self._is_dot)

@@ -51,7 +51,7 @@ class RowTemplate:
         return RowTemplate(self.template, columns, max(stop - start, 0))
 
 
-def side_by_side(patterns: Sequence[RowTemplate], rows: slice = slice(None)) -> Bytes:
+def interleave(patterns: Sequence[RowTemplate], rows: slice = slice(None)) -> Bytes:
     """Return consecutive rows of patterns as an array (n, size): row k is that of each in turn."""
     template = b"".join(pattern.template for pattern in patterns)
     count, size = len(range(*rows.indices(patterns[0].count))), len(template)
@@ -116,7 +116,7 @@ def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
     if isinstance(payloads, RowTemplate):
         if payloads.are_whole:
             return payloads.columns[0].values.tolist()
-        payloads = side_by_side([payloads])
+        payloads = interleave([payloads])
     if payloads.shape[1] == 0:
         return [b""] * len(payloads)
     rows = np.ascontiguousarray(payloads)

@@ -17,7 +17,7 @@ from imu_sim_ros.bags.messages.layouts import (
     Layout,
     fields,
     layout,
-    raw_texts,
+    text_bytes,
     texts_of,
 )
 from imu_sim_ros.core import gate
@@ -55,7 +55,7 @@ class Decoded(NamedTuple):
         return Decoded(self.texts, *times, numbers, self.frames[rows], self.frame_ids)
 
 
-def joined(parts: Sequence[Decoded]) -> Decoded:
+def concatenate_blocks(parts: Sequence[Decoded]) -> Decoded:
     """Return blocks of messages that follow each other as one; there must be one."""
     first_part = parts[0]
     if len(parts) == 1:
@@ -154,7 +154,7 @@ class MessageDecoder:
 
     def _form(self, payload: bytes) -> "_Form":
         """Return the form of messages with the texts of this one."""
-        texts = raw_texts(self._type_name, "cdr", payload)
+        texts = text_bytes(self._type_name, "cdr", payload)
         message_layout = layout(self._type_name, "cdr", texts)
         fixed = [
             (start, stop, message_layout.template[start:stop])
@@ -173,7 +173,7 @@ class _Form(NamedTuple):
     texts: tuple[str, ...]
 
 
-def inside_order(orientation: Array) -> Array:
+def quaternions_wxyz(orientation: Array) -> Array:
     """Return quaternions (n, 4) as (w, x, y, z) of a message's (x, y, z, w)."""
     return orientation[:, _INSIDE_ORDER]
 
@@ -256,7 +256,7 @@ _STATED: Final = "orientation_covariance"
 """Field whose first number is negative in an Imu without orientation (REP-145)."""
 
 
-def gated_fields(type_name: str) -> tuple[str, ...]:
+def fields_of_gate(type_name: str) -> tuple[str, ...]:
     """Return the fields of a type of message that the gate looks at; none of most types."""
     names = [name for name, _, _ in fields(type_name)] if type_name in TYPES else []
     looked_at = tuple(name for name in names if name in (*_QUANTITIES, _STATED))
@@ -299,9 +299,9 @@ class MessageGate:
         verdict.note(self.bad, np.arange(start, self._row_count), stamps=True)
         return None if self._open else verdict.good
 
-    def passed(self, block: MessageBlock, encoding: str) -> MessageBlock:
+    def passing_messages(self, block: MessageBlock, encoding: str) -> MessageBlock:
         """Return the messages of the next block that pass, unchanged."""
-        names = gated_fields(block.topic.type)
+        names = fields_of_gate(block.topic.type)
         if not names:
             return block
         try:

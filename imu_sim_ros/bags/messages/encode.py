@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
+from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, interleave
 from imu_sim_ros.bags.messages.layouts import Layout, fields, layout
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
@@ -55,7 +55,7 @@ ROS_ORDER: Final = [1, 2, 3, 0]
 """Indices of (x, y, z, w) in (w, x, y, z)."""
 
 
-def divided(t_ns: Times) -> tuple[Times, Times]:
+def split_seconds(t_ns: Times) -> tuple[Times, Times]:
     """Return the whole seconds of times (n,), rounded down, and the nanoseconds left."""
     second = t_ns // NANOSECONDS_PER_SECOND  # cheaper than np.divmod
     return second, t_ns - second * NANOSECONDS_PER_SECOND
@@ -66,7 +66,7 @@ def seconds(t_ns: Times, encoding: str) -> tuple[Times, Times]:
 
     :raises InputError: for stamps that a message cannot hold.
     """
-    second, nanosecond = divided(t_ns)
+    second, nanosecond = split_seconds(t_ns)
     last_second = _LAST_SECOND[encoding]
     if len(t_ns) and (second.min() < 0 or second.max() > last_second):
         raise InputError(
@@ -103,7 +103,7 @@ class Encoder:
 
     def encode(self, *columns: ArrayLike, **keywords: object) -> Bytes:
         """Return messages (n, size) as bytes; the arguments are those of ``pattern``."""
-        return side_by_side([self.pattern(*columns, **keywords)])
+        return interleave([self.pattern(*columns, **keywords)])
 
     def _stamp(self, t_ns: int) -> tuple[int, int]:
         """Return the seconds and nanoseconds of one stamp, in less time than :func:`seconds`."""
@@ -115,7 +115,7 @@ class Encoder:
     def _row(self, numbers: Mapping[str, ArrayLike]) -> bytes:
         """Return the template with some of its numbers: (m,) or one for each field."""
         row = bytearray(self._template)
-        for name, number in self._existing(numbers).items():
+        for name, number in self._existing_fields(numbers).items():
             field, offset = self._fields[name]
             values = np.asarray(number, field.base)
             if values.nbytes != field.itemsize:
@@ -123,7 +123,7 @@ class Encoder:
             row[offset : offset + field.itemsize] = values.tobytes()
         return bytes(row)
 
-    def _existing(self, numbers: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
+    def _existing_fields(self, numbers: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
         """Return the numbers of fields that the message has in this generation of ROS."""
         if not self._left_out:
             return numbers
@@ -143,12 +143,12 @@ class Encoder:
                     memory, stamp_offset + k * len(self._template), *self._stamp(row_t_ns)
                 )
             rows = np.frombuffer(memory, self.layout.dtype)
-            for name, numbers_of_field in self._existing(numbers).items():
+            for name, numbers_of_field in self._existing_fields(numbers).items():
                 rows[name] = numbers_of_field
             return RowTemplate(self._template, [Column(0, rows.view(self._whole))], len(rows))
         stamp = zip(("sec", "nanosec"), seconds(t_ns, self.layout.encoding), strict=True)
         columns, constant = [], {}
-        for name, numbers_of_field in (*stamp, *self._existing(numbers).items()):
+        for name, numbers_of_field in (*stamp, *self._existing_fields(numbers).items()):
             field, offset = self._fields[name]
             values = np.asarray(numbers_of_field)
             if values.ndim > field.ndim:
@@ -454,7 +454,7 @@ class GpsFixEncoder(Encoder):
             left out are 0.
         :param variance: (n, 3) variances of the errors east, north, up [m^2].
         """
-        statuses, (second, nanosecond) = np.asarray(status), divided(np.asarray(t_ns))
+        statuses, (second, nanosecond) = np.asarray(status), split_seconds(np.asarray(t_ns))
         covariance = np.zeros((len(statuses), 9))
         covariance[:, ::4] = variance
         return self._row_template(

@@ -48,7 +48,7 @@ class StampedBuilder(LayoutBuilder):
             self.align(data.dtype.itemsize)
             self.constant(data.tobytes())
 
-    def stamped(self, t_ns: int) -> bytearray:
+    def copy_with_stamp(self, t_ns: int) -> bytearray:
         """Return the message with a stamp.
 
         :raises InputError: for a stamp that a message cannot hold.
@@ -61,7 +61,7 @@ class StampedBuilder(LayoutBuilder):
         return message
 
 
-def restamped(payload: bytes, by_ns: int) -> bytes:
+def shift_stamp(payload: bytes, by_ns: int) -> bytes:
     """Return a message in CDR that begins with a header, its stamp moved by so many nanoseconds.
 
     :raises InputError: for a stamp that a message cannot hold.
@@ -94,7 +94,7 @@ class ImageEncoder:
 
     def encode(self, t_ns: int, image: NDArray[np.generic]) -> bytes:
         """Return the message of an image (h, w), (h, w, 2) or (h, w, 3)."""
-        return bytes(self._head.stamped(t_ns) + np.ascontiguousarray(image).data.cast("B"))
+        return bytes(self._head.copy_with_stamp(t_ns) + np.ascontiguousarray(image).data.cast("B"))
 
 
 class CompressedImageEncoder:
@@ -116,7 +116,7 @@ class CompressedImageEncoder:
 
     def encode(self, t_ns: int, image: bytes) -> bytes:
         """Return the message of an encoded image."""
-        return bytes(self._head.stamped(t_ns) + len(image).to_bytes(4, "little") + image)
+        return bytes(self._head.copy_with_stamp(t_ns) + len(image).to_bytes(4, "little") + image)
 
 
 class CameraInfoEncoder:
@@ -137,7 +137,7 @@ class CameraInfoEncoder:
 
     def encode(self, t_ns: int) -> bytes:
         """Return the message."""
-        return bytes(self._all.stamped(t_ns))
+        return bytes(self._all.copy_with_stamp(t_ns))
 
 
 POINT_CLOUD: Final = "sensor_msgs/msg/PointCloud"
@@ -185,7 +185,7 @@ class PointCloudEncoder:
             message.text(name)
             message.length(len(column))
             message.values(column, "<f4")
-        return bytes(message.stamped(t_ns))
+        return bytes(message.copy_with_stamp(t_ns))
 
 
 class PointCloud2Encoder:
@@ -214,7 +214,7 @@ class PointCloud2Encoder:
         message.values([rows.itemsize, rows.nbytes, rows.nbytes], "<u4")
         message.constant(rows.tobytes())
         message.values([1], "u1")  # dense: all points are there
-        return bytes(message.stamped(t_ns))
+        return bytes(message.copy_with_stamp(t_ns))
 
 
 class LivoxEncoder:
@@ -242,4 +242,4 @@ class LivoxEncoder:
             padded[:, :size] = points.view(np.uint8).reshape(-1, size)
             content = padded.tobytes()[:-1]
         message.constant(content)
-        return bytes(message.stamped(t_ns))
+        return bytes(message.copy_with_stamp(t_ns))

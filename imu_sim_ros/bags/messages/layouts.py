@@ -261,7 +261,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> 
         bytes.
     :param encoding: one of ENCODINGS.
     :param texts: contents of the message's text fields, in order; a tuple. Bytes are those of a
-        message, as :func:`raw_texts` returns them.
+        message, as :func:`text_bytes` returns them.
     """
     if encoding not in ENCODINGS:
         raise ValueError(f"encoding {encoding!r}: must be one of {', '.join(ENCODINGS)}")
@@ -288,7 +288,7 @@ def _ahead_of_texts(type_name: str, encoding: str) -> tuple[int, ...]:
     return tuple(gaps[:-1])
 
 
-def raw_texts(type_name: str, encoding: str, payload: bytes) -> tuple[bytes, ...]:
+def text_bytes(type_name: str, encoding: str, payload: bytes) -> tuple[bytes, ...]:
     """Return the text fields of one message as they stand there, without their lengths.
 
     All texts of the known types stand before the first number of eight bytes.
@@ -319,7 +319,7 @@ def texts_of(type_name: str, encoding: str, payload: bytes) -> tuple[str, ...]:
 
     :raises ValueError: if the bytes are not a message of this type in little-endian form.
     """
-    raw = raw_texts(type_name, encoding, payload)
+    raw = text_bytes(type_name, encoding, payload)
     return tuple(content.rstrip(b"\0").decode() for content in raw)
 
 

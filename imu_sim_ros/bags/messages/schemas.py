@@ -36,7 +36,7 @@ class Schema(NamedTuple):
 
 
 @cache
-def known_types(encoding: str) -> "Typestore":
+def typestore_of_format(encoding: str) -> "Typestore":
     """Return the message types of ROS 2 Jazzy (cdr) or ROS 1 Noetic (ros1)."""
     from rosbags.typesys import Stores, get_typestore
 
@@ -69,12 +69,12 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     name = short if encoding == "cdr" else ros1_name(type_name)
     if types is None and short in digests("ros2"):  # this package writes it
         if encoding == "cdr":
-            return Schema(joined_text(name, texts("ros2")), digests("ros2")[name])
-        return Schema(joined_text(name, texts("ros1"), "\n"), digests("ros1")[name])
-    standard = known_types(encoding)
+            return Schema(full_definition(name, texts("ros2")), digests("ros2")[name])
+        return Schema(full_definition(name, texts("ros1"), "\n"), digests("ros1")[name])
+    standard = typestore_of_format(encoding)
     if type_name not in standard.fielddefs and encoding == "ros1":
         # Noetic's types are known without tf2_msgs, whose fields are those of ROS 2.
-        standard = Translation(known_types("cdr"), encoding).target_types
+        standard = Translation(typestore_of_format("cdr"), encoding).target_types
     types = types or standard
     if type_name not in types.fielddefs:
         raise InputError(f"{type_name}: the definition of this message type is not known")
@@ -84,11 +84,11 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     text, md5 = types.generate_msgdef(type_name, ros_version=1)
     if name in digests("ros1") and standard.fielddefs.get(type_name) == types.fielddefs[type_name]:
         # With its comments, for the bag's type of that name is no other one.
-        text = joined_text(name, texts("ros1"), "\n")
+        text = full_definition(name, texts("ros1"), "\n")
     return Schema(text, md5)
 
 
-def joined_text(name: str, texts: Mapping[str, str], end: str = "") -> str:
+def full_definition(name: str, texts: Mapping[str, str], end: str = "") -> str:
     """Return the definition of a type with those that it contains, in the order of its fields.
 
     :param name: name for instance sensor_msgs/Imu.
@@ -150,7 +150,7 @@ def typestore(schemas: Iterable[tuple[str, Schema]], encoding: str) -> "Typestor
     fields = {}
     for name, (text, _, language) in schemas:
         if not text:
-            known_fields = known_types(encoding)
+            known_fields = typestore_of_format(encoding)
             fields.update(
                 {key: known_fields.fielddefs[key] for key in _closure(name, known_fields)}
             )
@@ -184,7 +184,7 @@ class Translation:
         """
         from rosbags.typesys import Stores, get_typestore
 
-        standard = known_types(encoding)
+        standard = typestore_of_format(encoding)
         fields = dict(types.fielddefs)
         for name in types.fielddefs:
             if standard.fielddefs.get(name, fields[name]) != fields[name]:
@@ -323,7 +323,7 @@ class RecordedType(NamedTuple):
     """Converts a message's CDR to the bag's encoding; BrokenMessageError for malformed bytes."""
 
 
-def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> RecordedType:
+def message_type(type_name: str, text: str, digest: str, encoding: str) -> RecordedType:
     """Return definition and conversion of a type, whether or not it comes with ROS.
 
     :param type_name: type in the form of ROS 2.

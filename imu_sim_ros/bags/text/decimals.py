@@ -40,16 +40,16 @@ def rows(values: Column) -> list[bytes]:
     if not len(values) or values.dtype.kind == "S":
         return list(values.tolist())
     if values.dtype.kind == "f" and not np.isfinite(values).all():
-        return _with_repr(values)  # JSON has no infinity
+        return _rows_by_repr(values)  # JSON has no infinity
     try:
         import orjson  # only a dataset of text uses it
     except ImportError:
-        return _with_repr(values)
+        return _rows_by_repr(values)
     text = orjson.dumps(np.ascontiguousarray(values), option=orjson.OPT_SERIALIZE_NUMPY)
     return text[1:-1].split(b",") if values.ndim == 1 else text[2:-2].split(b"],[")
 
 
-def _with_repr(values: Column) -> list[bytes]:
+def _rows_by_repr(values: Column) -> list[bytes]:
     """Return the cells of :func:`rows` without orjson, in its notation."""
     table: list[list[object]] = values.reshape(len(values), -1).tolist()
     cells = [",".join(map(repr, row)) for row in table]

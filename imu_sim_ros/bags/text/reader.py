@@ -87,7 +87,7 @@ def imu_blocks(
         )
 
 
-def stated_units(path: Path, name: str | None = None) -> dict[str, str]:
+def units_of_header(path: Path, name: str | None = None) -> dict[str, str]:
     """Return the units of the readings that the header of a table states, by quantity.
 
     :param name: as for :func:`imu_blocks`.

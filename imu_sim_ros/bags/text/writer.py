@@ -23,7 +23,7 @@ from imu_sim_ros.core.rotation import pose_matrix
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.terminal.progress import watcher
+from imu_sim_ros.terminal.progress import current_watcher
 
 POSES_OF_TABLES: Final = "groundtruth.tum"
 """The true poses in a folder of kalibr's tables, as ``--format csv`` writes it."""
@@ -221,7 +221,7 @@ class Dataset:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        with watcher().undisturbed():
+        with current_watcher().undisturbed():
             self._close(kind)
 
     def _close(self, kind: type[BaseException] | None) -> None:

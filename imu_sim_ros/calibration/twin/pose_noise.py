@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import States, replace_fields
 from imu_sim_ros.core.types import Array
 
 _POSES: Final = 9
@@ -122,7 +122,7 @@ class PoseNoise(NamedTuple):
         path, noise = smooth, self.white * rng.standard_normal((len(smooth), 6))
         if self.position_step or self.quaternion_step:
             offsets = rng.uniform(-0.5, 0.5, 7)
-            path = with_fields(
+            path = replace_fields(
                 smooth,
                 position=smooth.position + self.position_step * offsets[:3],
                 q_wb=rotation.normalise(smooth.q_wb + self.quaternion_step * offsets[3:]),
@@ -170,7 +170,7 @@ def _variance(poses: States) -> Array:
 def add_pose_noise(poses: States, turn: Array, shift: Array) -> States:
     """Return poses with a noise: turns (n, 3) in the body [rad], shifts (n, 3) in the world [m]."""
     q_wb = rotation.multiply(poses.q_wb, rotation.exp(turn))
-    return with_fields(poses, position=poses.position + shift, q_wb=q_wb)
+    return replace_fields(poses, position=poses.position + shift, q_wb=q_wb)
 
 
 def _decimal_step(values: Array) -> float:

@@ -32,7 +32,7 @@ class Aiding:
     gnss: GnssParameters | None
     wheels: WheelsParameters | None
 
-    def in_imu(self, point: tuple[float, ...]) -> Array:
+    def point_in_imu(self, point: tuple[float, ...]) -> Array:
         """Return a point of the body (3,) in the IMU's frame [m]."""
         imu = self.values.imu
         return self.rotation() @ (np.asarray(point) - np.asarray(imu.lever_arm))
@@ -78,7 +78,7 @@ class Aiding:
         return math.sqrt(counted + p.slip_noise**2 * SPEED / p.radius**2)
 
 
-def aiding(values: ImuValues, parameters: SimulationParameters) -> Aiding | None:
+def aiding_of_imu(values: ImuValues, parameters: SimulationParameters) -> Aiding | None:
     """Return the aiding sensors of a body for an IMU; None: neither GNSS nor wheels."""
     gnss, wheels = parameters.each_sensor.get("gnss"), parameters.each_sensor.get("wheels")
     gnss = gnss if isinstance(gnss, GnssParameters) else None

@@ -11,11 +11,11 @@ import numpy as np
 
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, kind
+from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, lens_kind
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import SMALLEST, ImuValues, remarks
+from imu_sim_ros.datasets.consumers.values import SMALLEST, ImuValues, number_notes
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.json_text import json_text
 
 _EXPRESSED: Final = (
     "gyroscope_bias",
@@ -55,7 +55,7 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         if cameras
         else "Basalt calibration, fragment: T_imu_cam, intrinsics, resolution come with cameras.",
         "Continuous-time densities, as the simulation has them; the biases are those of this run.",
-        *remarks(values, expressed, per_axis=True, above_zero=True),
+        *number_notes(values, expressed, per_axis=True, above_zero=True),
     ]
     if rig is not None:
         notes += rig.remarks(("time_offset", "k3", "vignetting"), one_shift="Basalt")
@@ -83,7 +83,7 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         # Basalt ignores unknown members.
         "comment": notes,
     }
-    return as_json({"value0": content}, indent=2) + "\n"
+    return json_text({"value0": content}, indent=2) + "\n"
 
 
 def _pose(matrix: Array) -> dict[str, float]:
@@ -102,7 +102,7 @@ def _lens(camera: CameraParameters) -> dict[str, object]:
     fx, fy, cx, cy = camera.intrinsics
     center: dict[str, float] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
     k = four_coefficients(camera)
-    match kind(camera):
+    match lens_kind(camera):
         case "equidistant":
             return _model("kb4", {**center, "k1": k[0], "k2": k[1], "k3": k[2], "k4": k[3]})
         case "double_sphere":

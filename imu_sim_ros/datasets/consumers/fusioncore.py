@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.core.conventions import TRIADS
-from imu_sim_ros.core.geodesy import earth_fixed
+from imu_sim_ros.core.geodesy import ecef_of_geodetic
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import comment, real
+from imu_sim_ros.datasets.consumers.values import comment, yaml_float
 from imu_sim_ros.simulation.topics import resolve_topic
 
 _GRAVITY: Final = 9.80665
@@ -57,7 +57,7 @@ def _remarks(body: Aiding) -> list[str]:
     if abs(body.values.gravity - _GRAVITY) > 1e-6:
         remarks.append(
             f"Its gravity is {_GRAVITY} m/s^2, that of this simulation "
-            f"{real(body.values.gravity)}: the difference goes into the estimated bias. "
+            f"{yaml_float(body.values.gravity)}: the difference goes into the estimated bias. "
             f"--set gravity=[0.0,0.0,-{_GRAVITY}] avoids it."
         )
     if body.gnss is not None:
@@ -82,7 +82,7 @@ def _imu_lines(body: Aiding) -> list[str]:
     values, parameters = body.values, body.parameters
     per_sample = math.sqrt(values.rate)
     gyro, accel = (
-        real(per_sample * values.rms_density(f"{triad}_noise_density")) for triad in TRIADS
+        yaml_float(per_sample * values.rms_density(f"{triad}_noise_density")) for triad in TRIADS
     )
     odom = body.wheels.odom_frame if body.wheels is not None else "odom"
     return [
@@ -109,11 +109,11 @@ def _wheel_lines(body: Aiding) -> list[str]:
     sideways = _ANY_SIDE_SPEED if p.model == "omnidirectional" else p.side_slip_sigma
     return [
         f"motion_model: {_MODELS[p.model]}",
-        f"motion_model_params.wheelbase: {real(p.wheelbase)}",
+        f"motion_model_params.wheelbase: {yaml_float(p.wheelbase)}",
         f"encoder.topic: {resolve_topic('wheel/odom')}",
-        f"encoder.vel_noise: {real(forward)}",
-        f"encoder.yaw_noise: {real(turning)}",
-        f"encoder.nhc_vy_sigma: {real(sideways)}",
+        f"encoder.vel_noise: {yaml_float(forward)}",
+        f"encoder.yaw_noise: {yaml_float(turning)}",
+        f"encoder.nhc_vy_sigma: {yaml_float(sideways)}",
         f"encoder.nhc_auto_detect: {str(p.model == 'omnidirectional').lower()}",
     ]
 
@@ -124,24 +124,27 @@ def _gnss_lines(body: Aiding) -> list[str]:
     if p is None:
         return []
     horizontal, vertical = body.position_sigma
-    origin = earth_fixed(
+    origin = ecef_of_geodetic(
         *(np.array([x]) for x in (world.latitude_deg, world.longitude_deg, world.height))
     )[0]
     return [
         f"gnss.fix_topic: {resolve_topic('gps/fix')}",
         "gnss.use_gps_fix: false",
         "gnss.min_fix_type: 1",
-        f"gnss.base_noise_xy: {real(horizontal)}",
-        f"gnss.base_noise_z: {real(vertical)}",
+        f"gnss.base_noise_xy: {yaml_float(horizontal)}",
+        f"gnss.base_noise_z: {yaml_float(vertical)}",
         *_vector("gnss.lever_arm", p.lever_arm),
         "input.gnss_crs: EPSG:4326",
         "output.crs: EPSG:4978",
         "output.convert_to_enu_at_reference: true",
         "reference.use_first_fix: false",
-        *(f"reference.{axis}: {real(float(x))}" for axis, x in zip("xyz", origin, strict=True)),
+        *(
+            f"reference.{axis}: {yaml_float(float(x))}"
+            for axis, x in zip("xyz", origin, strict=True)
+        ),
     ]
 
 
 def _vector(name: str, vector: tuple[float, ...]) -> list[str]:
     """Return a vector as three keys, one per axis."""
-    return [f"{name}_{axis}: {real(x)}" for axis, x in zip("xyz", vector, strict=True)]
+    return [f"{name}_{axis}: {yaml_float(x)}" for axis, x in zip("xyz", vector, strict=True)]

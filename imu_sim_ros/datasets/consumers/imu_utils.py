@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, number_notes
 
 _UNITS: Final = {"gyroscope": " rad/s", "accelerometer": " m/s^2"}
 """The string that imu_utils writes as the unit, with its leading blank, for both _n and _w."""
@@ -34,7 +34,7 @@ def result(values: ImuValues) -> str:
             f"sample at {values.rate:g} Hz, density * sqrt(rate); _w is the lowest point of the "
             "Allan deviation (the bias instability), not a random walk.",
             "A single axis' _w varies by 15 % and more between records of 4 h.",
-            *remarks(
+            *number_notes(
                 values,
                 ("gyroscope_bias_instability", "accelerometer_bias_instability"),
                 per_axis=True,

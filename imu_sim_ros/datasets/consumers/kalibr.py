@@ -6,9 +6,9 @@
 from itertools import pairwise
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, kind, yaml_list
+from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, lens_kind, yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks, rows
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, number_notes, rows, yaml_float
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
@@ -22,7 +22,7 @@ def files(subject: Subject) -> dict[str, str]:
     texts = {"imu.yaml": imu_yaml(subject.imu, subject.rig is not None)}
     if subject.rig is not None:
         texts["camchain.yaml"] = camchain(subject.rig)
-        if (board := target(subject.rig.scene)) is not None:
+        if (board := target_file(subject.rig.scene)) is not None:
             texts["target.yaml"] = board
     return texts
 
@@ -38,7 +38,7 @@ def imu_yaml(values: ImuValues, has_rig: bool = False) -> str:
         [
             "kalibr imu.yaml, whole: continuous-time densities, as the simulation has them.",
             "rad/s/sqrt(Hz), rad/s^2/sqrt(Hz), m/s^2/sqrt(Hz), m/s^3/sqrt(Hz)",
-            *remarks(values, shift, above_zero=True),
+            *number_notes(values, shift, above_zero=True),
         ]
     )
     lines = "".join(f"{name}: {decimal(value)}\n" for name, value in numbers)
@@ -75,41 +75,41 @@ def camchain(rig: RigValues) -> str:
         text += lens(camera)
         text += f"  resolution: [{camera.width}, {camera.height}]\n"
         text += f"  rostopic: {rig.topics[name]}\n"
-        text += f"  timeshift_cam_imu: {real(rig.time_shift(name))}\n"
+        text += f"  timeshift_cam_imu: {yaml_float(rig.time_shift(name))}\n"
         if camera.row_time:
-            text += f"  line_delay: {real(camera.row_time)}\n"
+            text += f"  line_delay: {yaml_float(camera.row_time)}\n"
     return text
 
 
 def lens(camera: CameraParameters) -> str:
     """Return model, intrinsics and distortion in kalibr's keys."""
     shape = {"unified": (camera.xi,), "double_sphere": (camera.xi, camera.alpha)}
-    model = {"unified": "omni", "double_sphere": "ds"}.get(kind(camera), "pinhole")
-    distortion = "equidistant" if kind(camera) == "equidistant" else "radtan"
+    model = {"unified": "omni", "double_sphere": "ds"}.get(lens_kind(camera), "pinhole")
+    distortion = "equidistant" if lens_kind(camera) == "equidistant" else "radtan"
     coefficients = four_coefficients(camera)
-    if kind(camera) == "double_sphere":
+    if lens_kind(camera) == "double_sphere":
         distortion, coefficients = "none", []
     return (
         f"  camera_model: {model}\n"
-        f"  intrinsics: {yaml_list([*shape.get(kind(camera), ()), *camera.intrinsics])}\n"
+        f"  intrinsics: {yaml_list([*shape.get(lens_kind(camera), ()), *camera.intrinsics])}\n"
         f"  distortion_model: {distortion}\n"
         f"  distortion_coeffs: {yaml_list(coefficients)}\n"
     )
 
 
-def target(scene: SceneParameters) -> str | None:
+def target_file(scene: SceneParameters) -> str | None:
     """Return target.yaml; None if the scene is no calibration target."""
     match scene:
         case AprilgridParameters():
             return (
                 f"target_type: 'aprilgrid'\ntagCols: {scene.columns}\ntagRows: {scene.rows}\n"
-                f"tagSize: {real(scene.tag_size)} # m\n"
-                f"tagSpacing: {real(scene.tag_spacing)} # of a tag's size\n"
+                f"tagSize: {yaml_float(scene.tag_size)} # m\n"
+                f"tagSpacing: {yaml_float(scene.tag_spacing)} # of a tag's size\n"
             )
         case CheckerboardParameters():
             return (
                 f"target_type: 'checkerboard'\ntargetCols: {scene.columns} # inner corners\n"
-                f"targetRows: {scene.rows}\nrowSpacingMeters: {real(scene.square)}\n"
-                f"colSpacingMeters: {real(scene.square)}\n"
+                f"targetRows: {scene.rows}\nrowSpacingMeters: {yaml_float(scene.square)}\n"
+                f"colSpacingMeters: {yaml_float(scene.square)}\n"
             )
     return None

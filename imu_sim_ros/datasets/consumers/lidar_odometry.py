@@ -14,7 +14,7 @@ from imu_sim_ros.core.rotation import from_matrix
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.consumers.rig import yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, number_notes, yaml_float
 from imu_sim_ros.sensors.lidar.declaration import CUSTOM_TOPIC, TOPIC
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.sensors.lidar.pattern import build_pattern
@@ -70,7 +70,7 @@ class Ranging:
         imu = self.values.imu
         return np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
 
-    def in_imu(self) -> tuple[Array, Array]:
+    def pose_in_imu(self) -> tuple[Array, Array]:
         """Return R_il (3, 3) and p_il (3,), the pose of the LiDAR in the IMU's frame."""
         (r_bl, p_bl), (r_bi, p_bi) = self.pose(), self.imu_pose()
         return r_bi.T @ r_bl, r_bi.T @ (p_bl - p_bi)
@@ -113,9 +113,9 @@ def _kiss_icp(ranging: Ranging) -> str:
         ]
     )
     return (
-        f"{head}data:\n  deskew: true\n  max_range: {real(ranging.farthest)}\n"
-        f"  min_range: {real(ranging.lidar.minimum_range)}\n"
-        f"mapping:\n  voxel_size: {real(ranging.voxel)}\n  max_points_per_voxel: 20\n"
+        f"{head}data:\n  deskew: true\n  max_range: {yaml_float(ranging.farthest)}\n"
+        f"  min_range: {yaml_float(ranging.lidar.minimum_range)}\n"
+        f"mapping:\n  voxel_size: {yaml_float(ranging.voxel)}\n  max_points_per_voxel: 20\n"
     )
 
 
@@ -127,7 +127,7 @@ def _rko_lio(ranging: Ranging) -> str:
             f"--lidar {ranging.topic}, with a rosbag2 folder; it is run so in the tests. Estimates "
             "are of the body. With initialization_phase it takes the first readings for gravity "
             "and biases, which needs a start at rest; without, it starts level.",
-            *remarks(ranging.values),
+            *number_notes(ranging.values),
         ]
     )
     lines = []
@@ -137,8 +137,9 @@ def _rko_lio(ranging: Ranging) -> str:
             f"extrinsic_{name}2base_quat_xyzw_xyz: {_list(np.array([x, y, z, w, *position]))}\n"
         )
     return (
-        f"{head}{''.join(lines)}lio:\n  deskew: true\n  voxel_size: {real(ranging.voxel)}\n"
-        f"  max_range: {real(ranging.farthest)}\n  min_range: {real(ranging.lidar.minimum_range)}\n"
+        f"{head}{''.join(lines)}lio:\n  deskew: true\n  voxel_size: {yaml_float(ranging.voxel)}\n"
+        f"  max_range: {yaml_float(ranging.farthest)}\n  min_range: "
+        f"{yaml_float(ranging.lidar.minimum_range)}\n"
         "  initialization_phase: false\n"
     )
 
@@ -148,7 +149,7 @@ def _fast_lio(ranging: Ranging) -> str:
     kind, unit = _FAST_LIO[ranging.lidar.layout]
     lidar, values = ranging.lidar, ranging.values
     livox = lidar.layout == "livox"
-    rotation, position = ranging.in_imu()
+    rotation, position = ranging.pose_in_imu()
     head = comment(
         [
             "FAST-LIO2, a config for ROS 1, in place of that of its launch file; with ROS 2, under "
@@ -162,7 +163,7 @@ def _fast_lio(ranging: Ranging) -> str:
             "Covariances are those of one reading, density^2 rate: src/IMU_Processing.hpp adds "
             "(dt G) Q (dt G)^T with each.",
             *values.delay_remarks(),
-            *remarks(values, ("stamp_offset",)),
+            *number_notes(values, ("stamp_offset",)),
         ]
     )
     covariances = {
@@ -173,20 +174,20 @@ def _fast_lio(ranging: Ranging) -> str:
     }
     densities = values.positive_densities()
     lines = "".join(
-        f"  {key}: {real(densities[name] ** 2 * values.rate)}\n"
+        f"  {key}: {yaml_float(densities[name] ** 2 * values.rate)}\n"
         for key, name in covariances.items()
     )
     topic = resolve_topic(f"{ranging.space}{CUSTOM_TOPIC}") if livox else ranging.topic
     offset = values.lateness - lidar.stamp_offset
     return (
         f'{head}common:\n  lid_topic: "{topic}"\n  imu_topic: "{values.topic}"\n'
-        f"  time_sync_en: false\n  time_offset_lidar_to_imu: {real(offset)}\n"
+        f"  time_sync_en: false\n  time_offset_lidar_to_imu: {yaml_float(offset)}\n"
         f"preprocess:\n  lidar_type: {kind}\n  scan_line: {len(ranging.rays_per_ring())}\n"
         f"  scan_rate: {round(lidar.rate)}\n  timestamp_unit: {unit}\n"
-        f"  blind: {real(lidar.minimum_range)}\n"
+        f"  blind: {yaml_float(lidar.minimum_range)}\n"
         f"mapping:\n{lines}"
         f"  fov_degree: {360 if lidar.pattern in ('spinning', 'nodding') else 90}\n"
-        f"  det_range: {real(ranging.farthest)}\n  extrinsic_est_en: false\n"
+        f"  det_range: {yaml_float(ranging.farthest)}\n  extrinsic_est_en: false\n"
         f"  extrinsic_T: {_list(position)}\n  extrinsic_R: {_list(rotation)}\n"
         "publish:\n  path_en: true\n  scan_publish_en: true\n  dense_publish_en: true\n"
         "  scan_bodyframe_pub_en: true\npcd_save:\n  pcd_save_en: false\n  interval: -1\n"
@@ -196,7 +197,7 @@ def _fast_lio(ranging: Ranging) -> str:
 def _lio_sam(ranging: Ranging, parameters: SimulationParameters) -> str:
     """Return the text of LIO-SAM's parameter file for a LiDAR and a nine-axis IMU."""
     lidar, values = ranging.lidar, ranging.values
-    rotation, position = ranging.in_imu()
+    rotation, position = ranging.pose_in_imu()
     densities = values.positive_densities()
     # LIO-SAM's "livox" reads the fields of Velodyne, and a point's place in its line as its column.
     kind = lidar.layout if lidar.pattern == "spinning" else "livox"
@@ -210,7 +211,7 @@ def _lio_sam(ranging: Ranging, parameters: SimulationParameters) -> str:
             f"It needs an orientation: {nine} (publish.orientation or --topics), not {raw}. Its tf "
             "needs that of the mount, /tf_static, from its start on.",
             "imuAccNoise and the others are densities, as gtsam takes them.",
-            *remarks(values),
+            *number_notes(values),
         ]
     )
     # R_li maps from the IMU's axes to the LiDAR's, in which the IMU's position is expressed.
@@ -231,7 +232,7 @@ def _lio_sam(ranging: Ranging, parameters: SimulationParameters) -> str:
         "mappingCornerLeafSize": 0.1 if indoors else 0.2,
         "mappingSurfLeafSize": 0.2 if indoors else 0.4,
     }
-    lines = "".join(f"  {key}: {real(value)}\n" for key, value in numbers.items())
+    lines = "".join(f"  {key}: {yaml_float(value)}\n" for key, value in numbers.items())
     frame = parameters.body_frame
     return (
         f'{head}lio_sam:\n  pointCloudTopic: "{ranging.topic}"\n  imuTopic: "{nine}"\n'

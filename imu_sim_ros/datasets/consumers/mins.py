@@ -14,7 +14,7 @@ from imu_sim_ros.core.rotation import pose_matrix
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.rig import yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import comment, real, rows
+from imu_sim_ros.datasets.consumers.values import comment, rows, yaml_float
 from imu_sim_ros.simulation.topics import resolve_topic
 
 _PARTS: Final = ("system", "estimator", "imu", "init", "gps", "wheel")
@@ -97,7 +97,7 @@ def _estimator(body: Aiding) -> str:
     return head + _section(
         "est",
         {
-            "gravity_mag": real(body.values.gravity),
+            "gravity_mag": yaml_float(body.values.gravity),
             "clone_freq": "20",
             "window_size": "1.0",
             "intr_order": "3",
@@ -124,7 +124,7 @@ def _imu(body: Aiding) -> str:
         "gyro_noise": "gyroscope_noise_density",
         "gyro_bias": "gyroscope_random_walk",
     }
-    values = {key: real(densities[name]) for key, name in names.items()}
+    values = {key: yaml_float(densities[name]) for key, name in names.items()}
     return head + _section("imu", {**values, "topic": f'"{body.values.topic}"'})
 
 
@@ -168,7 +168,7 @@ def _gps(body: Aiding) -> str:
             "noise [m]: it takes the covariances of NavSatFix for standard deviations "
             "(ROSHelper::NavSatFix2Data, UpdaterGPS: R = noise^2), so that they are overwritten "
             "with what the receiver states at the start; of heights it takes twice the number, "
-            f"stated are {real(vertical)} m. Changes of mode are not followed.",
+            f"stated are {yaml_float(vertical)} m. Changes of mode are not followed.",
             "It aligns the world with east and north itself, after init_distance [m].",
         ]
     )
@@ -184,11 +184,11 @@ def _gps(body: Aiding) -> str:
         "init_cov_inflation": "2.0",
         "chi2_mult": "1",
         "overwrite_noise": "true",
-        "noise": real(horizontal),
+        "noise": yaml_float(horizontal),
     }
     sensor_values = {
-        "timeoffset": real(body.stamp_correction(p)),
-        "pGinI": yaml_list(body.in_imu(p.lever_arm).tolist()),
+        "timeoffset": yaml_float(body.stamp_correction(p)),
+        "pGinI": yaml_list(body.point_in_imu(p.lever_arm).tolist()),
         "topic": f'"{resolve_topic("gps/fix")}"',
     }
     return head + _section("gps", common) + _section("gps0", sensor_values)
@@ -210,7 +210,7 @@ def _wheel(body: Aiding) -> str:
     )
     share_r, share_b = 0.01 * p.radius_sigma_percent, 0.01 * p.base_sigma_percent
     rotation = body.rotation() @ np.reshape(p.mounting, (3, 3))
-    pose = pose_matrix(rotation, body.in_imu(p.lever_arm))
+    pose = pose_matrix(rotation, body.point_in_imu(p.lever_arm))
     density = body.wheel_speed_density
     values = {
         "enabled": "true",
@@ -218,16 +218,16 @@ def _wheel(body: Aiding) -> str:
         "do_calib_dt": "false",
         "do_calib_ext": "false",
         "do_calib_int": str(bool(share_r or share_b)).lower(),
-        "noise_w": real(density),
-        "noise_v": real(density * p.radius),
-        "noise_p": real(p.side_slip_sigma / p.rate**0.5),
+        "noise_w": yaml_float(density),
+        "noise_v": yaml_float(density * p.radius),
+        "noise_p": yaml_float(p.side_slip_sigma / p.rate**0.5),
         "init_cov_dt": "1e-4",
         "init_cov_ex_o": "1e-4",
         "init_cov_ex_p": "1e-3",
-        "init_cov_in_b": real(max((share_b * p.track) ** 2, _MIN_SIGMA)),
-        "init_cov_in_r": real(max((share_r * p.radius) ** 2, _MIN_SIGMA)),
+        "init_cov_in_b": yaml_float(max((share_b * p.track) ** 2, _MIN_SIGMA)),
+        "init_cov_in_r": yaml_float(max((share_r * p.radius) ** 2, _MIN_SIGMA)),
         "chi2_mult": "1",
-        "timeoffset": real(body.stamp_correction(p, 0.5 / p.rate)),
+        "timeoffset": yaml_float(body.stamp_correction(p, 0.5 / p.rate)),
         "intrinsics": yaml_list([p.radius, p.radius, p.track]),
         "reuse_of_information": "false",
         "T_imu_wheel": "\n" + rows(pose, "    ").rstrip("\n"),

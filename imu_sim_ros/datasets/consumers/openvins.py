@@ -16,11 +16,11 @@ from imu_sim_ros.datasets.consumers.rig import (
     REST_THRESHOLD,
     RigValues,
     four_coefficients,
-    kind,
+    lens_kind,
     yaml_list,
 )
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks, rows
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, number_notes, rows, yaml_float
 
 _EXPRESSED: Final = (
     "gyroscope_scale_misalignment",
@@ -118,7 +118,7 @@ def files(subject: Subject) -> dict[str, str]:
     return texts
 
 
-def triangular(response: Array) -> tuple[Array, Array]:
+def triangular_and_rotation(response: Array) -> tuple[Array, Array]:
     """Return T and R with ``S = T R``: T lower triangular, R a rotation.
 
     OpenVINS' model ``kalibr`` reads ``w_m = T_w R_IMUtoGYRO w + T_g a + b`` (Simulator.cpp) and
@@ -145,14 +145,14 @@ def imu_chain(values: ImuValues, has_rig: bool = False) -> str:
             "OpenVINS kalibr_imu_chain.yaml, whole: continuous-time densities in kalibr's units, "
             "as the simulation has them.",
             "w_m = Tw R_IMUtoGYRO w + Tg a + b and a_m = Ta R_IMUtoACC a + b",
-            *remarks(values, (*_EXPRESSED, *shift), above_zero=True),
+            *number_notes(values, (*_EXPRESSED, *shift), above_zero=True),
         ]
     )
     densities = "".join(
         f"  {name}: {decimal(value)}\n" for name, value in values.positive_densities().items()
     )
-    tw, r_gyro = triangular(values.response("gyroscope"))
-    ta, r_acc = triangular(values.response("accelerometer"))
+    tw, r_gyro = triangular_and_rotation(values.response("gyroscope"))
+    ta, r_acc = triangular_and_rotation(values.response("accelerometer"))
     tg = np.reshape(values.axes("gyroscope_g_sensitivity"), (3, 3))
     intrinsics = "".join(
         f"  {name}:\n{rows(matrix, '    ')}"
@@ -186,11 +186,11 @@ def imucam_chain(rig: RigValues) -> str:
             f"cam{number}:\n  T_imu_cam:\n{rows(rig.imu_camera(name), '    ')}"
             f"  cam_overlaps: {overlaps}\n  camera_model: pinhole\n"
             f"  distortion_coeffs: {yaml_list(four_coefficients(camera))}\n"
-            f"  distortion_model: {kind(camera)}\n"
+            f"  distortion_model: {lens_kind(camera)}\n"
             f"  intrinsics: {yaml_list(camera.intrinsics)}\n"
             f"  resolution: [{camera.width}, {camera.height}]\n"
             f"  rostopic: {rig.topics[name]}\n"
-            f"  timeshift_cam_imu: {real(rig.time_shift(name))}\n"
+            f"  timeshift_cam_imu: {yaml_float(rig.time_shift(name))}\n"
         )
     return text
 

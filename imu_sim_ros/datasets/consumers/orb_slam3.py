@@ -7,9 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, kind, opencv_matrix
+from imu_sim_ros.datasets.consumers.rig import (
+    RigValues,
+    four_coefficients,
+    lens_kind,
+    opencv_matrix,
+)
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, number_notes, yaml_float
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 
 KINDS: Final = ("radtan", "equidistant")
@@ -41,7 +46,7 @@ def files(subject: Subject) -> dict[str, str]:
     if rig is not None and rig.fits(*KINDS):
         texts["orb_slam3_mono_inertial.yaml"] = complete_settings(rig, 1)
         pair = list(rig.cameras.values())[:2]
-        if len(pair) == 2 and len({(kind(c), c.width, c.height) for c in pair}) == 1:
+        if len(pair) == 2 and len({(lens_kind(c), c.width, c.height) for c in pair}) == 1:
             texts["orb_slam3_stereo_inertial.yaml"] = complete_settings(rig, 2)
     return texts
 
@@ -54,7 +59,7 @@ def settings(values: ImuValues) -> str:
             "IMU.T_b_c1 comes with them.",
             "Continuous-time densities, as the simulation has them; it multiplies the noise by the "
             "square root of the frequency itself.",
-            *remarks(values),
+            *number_notes(values),
         ]
     )
     return f"%YAML:1.0\n{head}{_imu(values)}"
@@ -63,11 +68,11 @@ def settings(values: ImuValues) -> str:
 def _imu(values: ImuValues) -> str:
     """Return the lines ``IMU.NoiseGyro`` ... of a settings file."""
     return (
-        f"IMU.NoiseGyro: {real(values.rms_density('gyroscope_noise_density'))}\n"
-        f"IMU.NoiseAcc: {real(values.rms_density('accelerometer_noise_density'))}\n"
-        f"IMU.GyroWalk: {real(values.rms_density('gyroscope_random_walk'))}\n"
-        f"IMU.AccWalk: {real(values.rms_density('accelerometer_random_walk'))}\n"
-        f"IMU.Frequency: {real(values.rate)}\n"
+        f"IMU.NoiseGyro: {yaml_float(values.rms_density('gyroscope_noise_density'))}\n"
+        f"IMU.NoiseAcc: {yaml_float(values.rms_density('accelerometer_noise_density'))}\n"
+        f"IMU.GyroWalk: {yaml_float(values.rms_density('gyroscope_random_walk'))}\n"
+        f"IMU.AccWalk: {yaml_float(values.rms_density('accelerometer_random_walk'))}\n"
+        f"IMU.Frequency: {yaml_float(values.rate)}\n"
     )
 
 
@@ -87,11 +92,11 @@ def complete_settings(rig: RigValues, cameras: int) -> str:
             "their mounts as they are simulated; continuous-time densities.",
             *_lens_remarks(rig, names),
             *rig.remarks(("k3",), cameras),
-            *remarks(rig.imu),
+            *number_notes(rig.imu),
         ]
     )
     text = f'%YAML:1.0\n{head}File.version: "1.0"\n'
-    text += f'Camera.type: "{"PinHole" if kind(camera) == "radtan" else "KannalaBrandt8"}"\n'
+    text += f'Camera.type: "{"PinHole" if lens_kind(camera) == "radtan" else "KannalaBrandt8"}"\n'
     for number, name in enumerate(names, 1):
         text += _camera(f"Camera{number}", rig.cameras[name], cameras > 1)
     if cameras > 1:
@@ -109,7 +114,7 @@ def _lens_remarks(rig: RigValues, names: list[str]) -> list[str]:
     """Return a remark on the distortion of a second fisheye (Settings.cc, readCamera2)."""
     lenses = [rig.cameras[name] for name in names]
     if (
-        kind(lenses[0]) != "equidistant"
+        lens_kind(lenses[0]) != "equidistant"
         or len({tuple(four_coefficients(lens)) for lens in lenses}) == 1
     ):
         return []
@@ -126,13 +131,13 @@ def _camera(prefix: str, camera: CameraParameters, stereo: bool) -> str:
     :param stereo: True for one of two cameras.
     """
     numbers = dict(zip(("fx", "fy", "cx", "cy"), camera.intrinsics, strict=True))
-    if kind(camera) == "equidistant":
+    if lens_kind(camera) == "equidistant":
         numbers.update(zip(("k1", "k2", "k3", "k4"), four_coefficients(camera), strict=True))
     else:
         numbers.update(zip(("k1", "k2", "p1", "p2"), four_coefficients(camera), strict=True))
         if len(camera.distortion) == 5:
             numbers["k3"] = camera.distortion[4]
-    text = "".join(f"{prefix}.{key}: {real(value)}\n" for key, value in numbers.items())
-    if stereo and kind(camera) == "equidistant":
+    text = "".join(f"{prefix}.{key}: {yaml_float(value)}\n" for key, value in numbers.items())
+    if stereo and lens_kind(camera) == "equidistant":
         text += f"{prefix}.overlappingBegin: 0\n{prefix}.overlappingEnd: {camera.width - 1}\n"
     return text

@@ -12,7 +12,7 @@ import numpy as np
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.core.rotation import inverse_pose
 from imu_sim_ros.core.types import Array, field_values
-from imu_sim_ros.datasets.consumers.values import SAME_TIME, ImuValues, real
+from imu_sim_ros.datasets.consumers.values import SAME_TIME, ImuValues, yaml_float
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
@@ -56,8 +56,8 @@ class RigValues:
         return self.cameras[name].time_offset + self.imu.lateness
 
     def fits(self, *models: str) -> bool:
-        """Return whether all cameras are of these kinds of lens (:func:`kind`)."""
-        return all(kind(camera) in models for camera in self.cameras.values())
+        """Return whether all cameras are of these kinds of lens (:func:`lens_kind`)."""
+        return all(lens_kind(camera) in models for camera in self.cameras.values())
 
     def remarks(
         self, expressed: Collection[str] = (), cameras: int | None = None, one_shift: str = ""
@@ -73,18 +73,18 @@ class RigValues:
         """
         cameras_in_format = list(self.cameras.items())[:cameras]
         for name, camera in cameras_in_format:
-            terms = list(_simulated_errors(camera, expressed))
+            terms = list(_inexpressible_errors(camera, expressed))
             shift = self.time_shift(name)
             if shift and "time_offset" not in expressed:
                 terms.append(f"time_offset = {decimal(shift)} s (of the camera to the IMU)")
             if terms:
                 yield f"{name}: simulated, but not expressible in this format: {', '.join(terms)}"
         if one_shift:
-            yield from self._other_shifts(one_shift, [name for name, _ in cameras_in_format])
+            yield from self._time_shift_notes(one_shift, [name for name, _ in cameras_in_format])
         if "time_offset" in expressed:
             yield from self.imu.delay_remarks()
 
-    def _other_shifts(self, stack: str, names: list[str]) -> Iterator[str]:
+    def _time_shift_notes(self, stack: str, names: list[str]) -> Iterator[str]:
         """Yield a sentence for each camera whose time shift is not that of the first one."""
         common = self.time_shift(names[0])
         for name in names[1:]:
@@ -113,7 +113,7 @@ _NO_TERMS: Final = frozenset(
 """Parameters that a format has a place for, that a front end chooses, or that are no error."""
 
 
-def _simulated_errors(camera: CameraParameters, expressed: Collection[str]) -> Iterator[str]:
+def _inexpressible_errors(camera: CameraParameters, expressed: Collection[str]) -> Iterator[str]:
     """Yield the errors of a camera that a format cannot express, with their values."""
     sphere = camera.model != "pinhole"
     if sphere and any(camera.distortion) and f"{camera.model}.distortion" not in expressed:
@@ -132,7 +132,7 @@ def _simulated_errors(camera: CameraParameters, expressed: Collection[str]) -> I
         yield f"{name} = {decimal(value)}{unit}{rolling}"
 
 
-def kind(camera: CameraParameters) -> str:
+def lens_kind(camera: CameraParameters) -> str:
     """Return the kind of lens: radtan, equidistant, unified or double_sphere.
 
     A pinhole without distortion is radtan with zeros, which every stack supports.
@@ -149,7 +149,7 @@ def four_coefficients(camera: CameraParameters) -> list[float]:
 
 def yaml_list(values: Iterator[float] | list[float] | tuple[float, ...]) -> str:
     """Return numbers as a YAML list of floating-point numbers: ``[1.0, 0.5]``."""
-    return f"[{', '.join(real(value) for value in values)}]"
+    return f"[{', '.join(yaml_float(value) for value in values)}]"
 
 
 def opencv_matrix(matrix: Array, code: str = "d") -> str:
@@ -158,7 +158,7 @@ def opencv_matrix(matrix: Array, code: str = "d") -> str:
     :param code: d: double; f: float.
     """
     rows, columns = matrix.shape
-    data = ",\n          ".join(", ".join(real(v) for v in row) for row in matrix.tolist())
+    data = ",\n          ".join(", ".join(yaml_float(v) for v in row) for row in matrix.tolist())
     return (
         f"!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: {code}\n   data: [{data}]\n"
     )

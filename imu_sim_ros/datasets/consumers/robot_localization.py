@@ -10,7 +10,7 @@ from typing import Final
 
 from imu_sim_ros.datasets.consumers.aiding import Aiding
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import comment, real
+from imu_sim_ros.datasets.consumers.values import comment, yaml_float
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.topics import resolve_topic
 
@@ -68,14 +68,14 @@ def _filter(name: str, world: str, body: Aiding, *, fixes: bool) -> str:
     values, wheels = body.values, body.wheels
     odom = wheels.odom_frame if wheels is not None else "odom"
     lines = [
-        f"frequency: {real(_FREQUENCY)}",
+        f"frequency: {yaml_float(_FREQUENCY)}",
         "two_d_mode: false",
         "publish_tf: true",
         "map_frame: map",
         f"odom_frame: {odom}",
         f"base_link_frame: {body.parameters.body_frame}",
         f"world_frame: {'map' if world == 'map' else odom}",
-        f"gravitational_acceleration: {real(values.gravity)}",
+        f"gravitational_acceleration: {yaml_float(values.gravity)}",
         f"imu0: {values.topic}",
         _config("imu0", (3, 4)),
         "imu0_differential: false",
@@ -137,10 +137,10 @@ def _navsat(parameters: SimulationParameters) -> str:
             "the origin of the body.",
         ]
     )
-    latitude, longitude = real(parameters.latitude_deg), real(parameters.longitude_deg)
+    latitude, longitude = yaml_float(parameters.latitude_deg), yaml_float(parameters.longitude_deg)
     return (
         f"{head}navsat_transform:\n  ros__parameters:\n"
-        f"    frequency: {real(_FREQUENCY)}\n"
+        f"    frequency: {yaml_float(_FREQUENCY)}\n"
         "    delay: 0.0\n"
         "    magnetic_declination_radians: 0.0\n"
         "    yaw_offset: 0.0\n"

@@ -5,7 +5,7 @@
 
 from typing import NamedTuple
 
-from imu_sim_ros.datasets.consumers.aiding import Aiding, aiding
+from imu_sim_ros.datasets.consumers.aiding import Aiding, aiding_of_imu
 from imu_sim_ros.datasets.consumers.rig import RigValues
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.simulation.parameters import SimulationParameters
@@ -23,4 +23,4 @@ class Subject(NamedTuple):
     @property
     def aiding(self) -> Aiding | None:
         """Aiding sensors of the body; None: neither GNSS nor wheels."""
-        return None if self.parameters is None else aiding(self.imu, self.parameters)
+        return None if self.parameters is None else aiding_of_imu(self.imu, self.parameters)

@@ -138,7 +138,7 @@ class ImuValues:
                     f"{decimal(float(f'{mean:.6g}'))} s, the mean of the gyroscope"
                 )
 
-    def missing(self, expressed: Collection[str] = ()) -> list[str]:
+    def inexpressible_terms(self, expressed: Collection[str] = ()) -> list[str]:
         """Return the simulated terms that a format cannot express, by parameter.
 
         :param expressed: parameters that the format can express in addition to the four densities.
@@ -154,7 +154,7 @@ class ImuValues:
             if name not in ignored and value != default[name] and _is_imu_error(name)
         ]
 
-    def uneven(self) -> list[str]:
+    def axis_dependent_densities(self) -> list[str]:
         """Return the densities that differ between the axes."""
         return [name for name in DENSITIES if len(set(self.axes(name).tolist())) > 1]
 
@@ -172,7 +172,7 @@ def _is_imu_error(name: str) -> bool:
     return not name.startswith(tuple(f"{sensor.name}_" for sensor in sensors_of_imus()))
 
 
-def remarks(
+def number_notes(
     values: ImuValues,
     expressed: Collection[str] = (),
     *,
@@ -196,12 +196,12 @@ def remarks(
         )
     if above_zero and zero:
         yield f"0 in the simulation, but a number above 0 is required: {', '.join(zero)}"
-    if not per_axis and values.uneven():
-        yield f"The root mean square of axes that differ: {', '.join(values.uneven())}"
-    missing = values.missing(expressed)
+    if not per_axis and (differing := values.axis_dependent_densities()):
+        yield f"The root mean square of axes that differ: {', '.join(differing)}"
+    missing = values.inexpressible_terms(expressed)
     if missing:
         yield f"Simulated, but not expressible in this format: {', '.join(missing)}"
-    elif per_axis or not values.uneven():
+    elif per_axis or not values.axis_dependent_densities():
         yield "This format expresses every error of the IMU that is simulated."
 
 
@@ -218,10 +218,10 @@ def comment(lines: Iterator[str] | list[str]) -> str:
 
 def rows(matrix: Array, indent: str) -> str:
     """Return a matrix as YAML, a list of floating-point numbers for each row."""
-    return "".join(f"{indent}- [ {', '.join(map(real, row.tolist()))} ]\n" for row in matrix)
+    return "".join(f"{indent}- [ {', '.join(map(yaml_float, row.tolist()))} ]\n" for row in matrix)
 
 
-def real(value: float) -> str:
+def yaml_float(value: float) -> str:
     """Return a number as text that YAML readers parse as floating point."""
     text = decimal(value)
     return text if "." in text else f"{text}.0"

@@ -12,9 +12,14 @@ from collections.abc import Iterator
 from typing import Final
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, kind, opencv_matrix
+from imu_sim_ros.datasets.consumers.rig import (
+    RigValues,
+    four_coefficients,
+    lens_kind,
+    opencv_matrix,
+)
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, number_notes, yaml_float
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 
 
@@ -50,7 +55,7 @@ def config(values: ImuValues, *, fusion: bool) -> str:
             f"{name}, fragment: the IMU's keys, to be pasted into a configuration with cameras.",
             "Values per sample at this rate, not densities: noise and walk are multiplied by the "
             f"square root of the rate, sqrt({values.rate:g} Hz) (integration_base.h).",
-            *remarks(values),
+            *number_notes(values),
         ]
     )
     switch = "imu: 1\n" if fusion else ""
@@ -92,16 +97,18 @@ def lens(camera: CameraParameters) -> str:
     """Return a camera in camodocal's terms."""
     fx, fy, cx, cy = camera.intrinsics
     k = four_coefficients(camera)
-    name = {"radtan": "PINHOLE", "equidistant": "KANNALA_BRANDT", "unified": "MEI"}[kind(camera)]
+    name = {"radtan": "PINHOLE", "equidistant": "KANNALA_BRANDT", "unified": "MEI"}[
+        lens_kind(camera)
+    ]
     text = (
         f"model_type: {name}\ncamera_name: camera\nimage_width: {camera.width}\n"
         f"image_height: {camera.height}\n"
     )
-    if kind(camera) == "unified":
+    if lens_kind(camera) == "unified":
         text += _map("mirror_parameters", xi=camera.xi)
-    if kind(camera) != "equidistant":
+    if lens_kind(camera) != "equidistant":
         text += _map("distortion_parameters", k1=k[0], k2=k[1], p1=k[2], p2=k[3])
-    match kind(camera):
+    match lens_kind(camera):
         case "radtan":
             projection = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
         case "unified":
@@ -114,7 +121,7 @@ def lens(camera: CameraParameters) -> str:
 
 def _map(name: str, **numbers: float) -> str:
     """Return a mapping of numbers in YAML."""
-    rows = "".join(f"   {key}: {real(value)}\n" for key, value in numbers.items())
+    rows = "".join(f"   {key}: {yaml_float(value)}\n" for key, value in numbers.items())
     return f"{name}:\n{rows}"
 
 
@@ -136,9 +143,9 @@ def mono(rig: RigValues) -> str:
         f"extrinsicTranslation: {opencv_matrix(t_ic[:3, 3:])}"
         f"{_TRACKER}equalize: 1\nfisheye: 0\n{_OPTIMISER}{_numbers(rig.imu)}"
         "loop_closure: 0\nload_previous_pose_graph: 0\nfast_relocalization: 0\n"
-        f'pose_graph_save_path: "/tmp/"\nestimate_td: 1\ntd: {real(rig.time_shift(name))}\n'
+        f'pose_graph_save_path: "/tmp/"\nestimate_td: 1\ntd: {yaml_float(rig.time_shift(name))}\n'
         f"rolling_shutter: {int(camera.row_time > 0.0)}\n"
-        f"rolling_shutter_tr: {real(camera.row_time * camera.height)}\n"
+        f"rolling_shutter_tr: {yaml_float(camera.row_time * camera.height)}\n"
         "save_image: 0\nvisualize_imu_forward: 0\nvisualize_camera_size: 0.4\n"
     )
 
@@ -161,7 +168,8 @@ def fusion(rig: RigValues, prefix: str) -> str:
         f'imu_topic: "{rig.imu.topic}"\n{topics}output_path: "/tmp/"\n{files}'
         f"image_width: {camera.width}\nimage_height: {camera.height}\n"
         f"estimate_extrinsic: 0\n{mounts}multiple_thread: 1\n{_TRACKER}flow_back: 1\n"
-        f"{_OPTIMISER}{_numbers(rig.imu)}estimate_td: 1\ntd: {real(rig.time_shift(names[0]))}\n"
+        f"{_OPTIMISER}{_numbers(rig.imu)}estimate_td: 1\ntd: "
+        f"{yaml_float(rig.time_shift(names[0]))}\n"
         'load_previous_pose_graph: 0\npose_graph_save_path: "/tmp/"\nsave_image: 0\n'
     )
 
@@ -180,6 +188,6 @@ def _head(name: str, rig: RigValues, missing: Iterator[str]) -> str:
             f"square root of the rate, sqrt({rig.imu.rate:g} Hz) (integration_base.h).",
             *rig.start_remarks(name),
             *missing,
-            *remarks(rig.imu, ("stamp_offset",)),
+            *number_notes(rig.imu, ("stamp_offset",)),
         ]
     )

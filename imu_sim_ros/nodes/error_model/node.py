@@ -26,9 +26,9 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import LiveReading, LiveState, LiveValue, Readings
 from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, sensor_description, signals
-from imu_sim_ros.nodes.diagnostics import PERIOD, drawn, fault_message
+from imu_sim_ros.nodes.diagnostics import PERIOD, drawn_constants, fault_message
 from imu_sim_ros.nodes.error_model.diagnostics import ErrorModelReport
-from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wanted
+from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, topics_to_publish
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import ACKNOWLEDGEMENT, check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
@@ -71,7 +71,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         """Parameters drawn from the seed."""
         self._remarks: list[str] = []
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
-        sensors = {offer.name for offer in wanted(parameters).values()}
+        sensors = {offer.name for offer in topics_to_publish(parameters).values()}
         self._values = {  # what other sensors measure, and the type of its messages, by topic
             sensor.topics[0].name + conventions.IDEAL_SUFFIX: (
                 sensor.quantity,
@@ -211,7 +211,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     def _add_readings(self, readings: Sequence[LiveReading]) -> None:
         """Add errors to readings in order, and publish them."""
-        readings = self._refusals.timed(self._main, self._stamps, readings)
+        readings = self._refusals.keep_timed(self._main, self._stamps, readings)
         if 0 < len(readings) <= _FEW and all(reading.q_wb is None for reading in readings):
             if self.outputs.has_readings_alone:
                 numbers = self.model.read_numbers(readings)
@@ -246,7 +246,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     def _add_states(self, odometry: Differentiator, states: Sequence[LiveState]) -> None:
         """Add errors to the readings that odometry in order tells, and publish them."""
-        states = self._refusals.timed(self._main, self._stamps, states)
+        states = self._refusals.keep_timed(self._main, self._stamps, states)
         if not states:
             return
         if self._twist is not None and not self._twist.done:
@@ -322,7 +322,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         if self._unit_of != (self.parameters, self.model.seed):
             self._unit_of = self.parameters, self.model.seed
             unit = dataclasses.replace(self.parameters, seed=self.model.seed)
-            self._unit = drawn({"": unit})
+            self._unit = drawn_constants({"": unit})
         counters = self.outputs.counters
         strays = self._reading_strays.count + self._state_strays.count
         strays += sum(strays_of_values.count for strays_of_values in self._value_strays.values())

@@ -31,7 +31,7 @@ DEPTH: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 4 s at 1 kHz."""
 
 
-def wanted(parameters: ErrorNodeParameters) -> dict[str, Offered]:
+def topics_to_publish(parameters: ErrorNodeParameters) -> dict[str, Offered]:
     """Return the topics that are published."""
     return published_topics(mount_sensors(parameters), parameters.publish)
 
@@ -50,7 +50,7 @@ class ErrorModelOutputs:
     def __init__(self, node: Node, parameters: ErrorNodeParameters, fail: Fail) -> None:
         self.counters = [
             Counter(topic, create(node, offer.topic.type, topic, QoSProfile(depth=DEPTH)))
-            for topic, offer in wanted(parameters).items()
+            for topic, offer in topics_to_publish(parameters).items()
         ]
         self._delayed = Delayed(fail)
         self.encode_for(parameters)
@@ -60,7 +60,7 @@ class ErrorModelOutputs:
 
     def encode_for(self, parameters: ErrorNodeParameters) -> None:
         """Encode messages in the frame of parameters from now on."""
-        offers = wanted(parameters)
+        offers = topics_to_publish(parameters)
         self._outputs = [
             _Output(offers[counter.topic], offers[counter.topic].encoder(), counter)
             for counter in self.counters

@@ -195,7 +195,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         """Integrate readings in order, compare truths, and publish the results."""
         rows: list[LiveState] = []
         errors: list[PoseError] = []
-        for reading in self._refusals.timed(IMU_TOPIC, self._stamps, readings):
+        for reading in self._refusals.keep_timed(IMU_TOPIC, self._stamps, readings):
             if not self._units.done and (findings := self._units.add(reading)):
                 INTEGRATOR.judge(findings, self.get_logger().warning)
             rows += self.odometer.add_reading(reading)

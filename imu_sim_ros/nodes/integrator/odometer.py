@@ -199,7 +199,7 @@ class LiveIntegrator:
         sound = gate.is_pose(t_ns, stepper.position, stepper.q_wb)
         if self._covariance is not None and sound:
             sound = self._covariance.is_finite
-        return sound and gate.within(stepper.velocity, gate.VELOCITY)
+        return sound and gate.is_within(stepper.velocity, gate.VELOCITY)
 
     def _is_usable(self, previous_ns: int, reading: LiveReading) -> bool:
         """Report a reading that made no step; return whether its stamp is new."""

@@ -36,12 +36,12 @@ from imu_sim_ros.nodes.subscriptions import (
     Taken,
     is_weaker,
     matching_qos,
-    offered_qos,
+    publisher_qos,
 )
 from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.findings.policy import RECORDER
 from imu_sim_ros.recordings.live_clock import LiveClock
-from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.json_text import json_text
 from imu_sim_ros.terminal.text_tables import print_table
 
 MEGABYTE = 1_000_000
@@ -167,7 +167,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         if name in self._refused:
             return
         if name in self._types:
-            publishers = self._of_recorded_type(name, publishers)
+            publishers = self._publishers_of_recorded_type(name, publishers)
             if not publishers:
                 return
         types = list(dict.fromkeys(publisher.topic_type for publisher in publishers))
@@ -188,7 +188,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
             topic = RecordedTopic(
                 name,
                 types[0],
-                offered_qos(publishers),
+                publisher_qos(publishers),
                 definition(types[0]),
                 type_hash(types[0]),
                 LiveClock(self.parameters.max_gap),
@@ -203,7 +203,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         self._timestamps.add_topic(name, offset)
         self.reader.subscribe(name, message, qos)
 
-    def _of_recorded_type(
+    def _publishers_of_recorded_type(
         self, name: str, publishers: Sequence[TopicEndpointInfo]
     ) -> list[TopicEndpointInfo]:
         """Return the publishers of a topic's recorded type; report and count each other type."""
@@ -406,7 +406,7 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
                 value = _seconds(name, value)
             result += [name, value]
     if topics:
-        result += ["--topics", as_json(topics)]
+        result += ["--topics", json_text(topics)]
     return [*result, *arguments[end:]]
 
 

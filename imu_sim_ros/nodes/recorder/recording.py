@@ -17,7 +17,7 @@ import numpy as np
 from rclpy.clock import ROSClock
 from rclpy.node import Node
 
-from imu_sim_ros.bags.messages.schemas import BrokenMessageError, Qos, recorded_type
+from imu_sim_ros.bags.messages.schemas import BrokenMessageError, Qos, message_type
 from imu_sim_ros.bags.outputs import active_path
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.core.errors import InputError
@@ -212,7 +212,7 @@ class RecordedTopic:
         self.messages += 1
         self.unset += stamp_ns is None
         if stamp_ns is not None and not self.stamped:
-            self.stamped, self.clock = True, self.clock.restarted()
+            self.stamped, self.clock = True, self.clock.restart()
             self.unseen.clear()
             self.changes.clear()
         if stamp_ns is None and self.stamped:
@@ -322,7 +322,7 @@ class BagRecording:
         self._bag = self._open_bag()
         try:
             # Loads the translation of messages, so that the first ones need not wait for it.
-            recorded_type("std_msgs/msg/Header", "", "", self._bag.encoding)
+            message_type("std_msgs/msg/Header", "", "", self._bag.encoding)
             self.files = self._bag.files
             self._begun.set()
             self._write_all()
@@ -357,7 +357,7 @@ class BagRecording:
     def _begin(self, topic: RecordedTopic) -> None:
         """Add a topic to the bag, or note why the bag cannot hold it."""
         try:
-            schema, topic.convert = recorded_type(
+            schema, topic.convert = message_type(
                 topic.type_name, topic.definition, topic.digest, self._bag.encoding
             )
         except InputError as error:

@@ -37,8 +37,8 @@ from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mount_sensors
 from imu_sim_ros.simulation.topics import Encode, Messages, delivered_rows, sensor_topics
-from imu_sim_ros.terminal.json_text import as_json
-from imu_sim_ros.terminal.signals import blocked
+from imu_sim_ros.terminal.json_text import json_text
+from imu_sim_ros.terminal.signals import block_signals
 
 TOKEN: Final = struct.Struct("<qq")
 """Number of a sample, and its true time [ns]."""
@@ -85,7 +85,7 @@ class RemoteCounter:
         self.publisher = self
 
     @property
-    def connected(self) -> bool:
+    def is_connected(self) -> bool:
         """True if the process is connected to all subscribers that the node sees."""
         return self._process.connected.get(self.topic, 0) >= self.get_subscription_count()
 
@@ -125,10 +125,10 @@ class SensorProcess:
         self._sent = self._done = 0
         self._closing = self._overflow = False
         self._changed = threading.Condition()
-        environment = {**fast_dds.without_own_profile(os.environ), "OMP_NUM_THREADS": "1"}
+        environment = {**fast_dds.environment_of_child(os.environ), "OMP_NUM_THREADS": "1"}
         # Blocked in the process from its first moment on: what a terminal tells all processes is
         # the node's, which closes the pipe when it ends.
-        with blocked():
+        with block_signals():
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _PROGRAM],
                 stdin=subprocess.PIPE,
@@ -139,7 +139,7 @@ class SensorProcess:
         assert self._process.stdout is not None
         self._input: IO[bytes] = self._process.stdin
         self._output: IO[bytes] = self._process.stdout
-        self._input.write(as_json(start).encode() + b"\n")
+        self._input.write(json_text(start).encode() + b"\n")
         self._input.flush()
         os.set_blocking(self._input.fileno(), False)  # the thread of the IMU never waits for it
         self._watcher = SupervisedThread(f"watch_{name}", self._watch, fail)
@@ -206,7 +206,7 @@ class SensorProcess:
             self._fail(MachineError(f"{self.name}: the sensor's process ended, status {status}"))
 
 
-def requests(samples: Samples, _: object) -> Messages:
+def token_messages(samples: Samples, _: object) -> Messages:
     """Return a token for each sample that is delivered, due when its driver lets it go.
 
     It requests what a process publishes of the sample.
@@ -218,7 +218,9 @@ def requests(samples: Samples, _: object) -> Messages:
     return Messages(samples.t_ns[rows], samples.release_t_ns[rows], packed)
 
 
-def groups_apart(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[str, list[str]]:
+def sensor_process_groups(
+    sensors: Mapping[str, Mounted[MountedParameters]],
+) -> dict[str, list[str]]:
     """Return which sensors have processes of their own, and those that share each.
 
     One that cannot read without another one is in the process of that.
@@ -241,7 +243,7 @@ class SensorsApart:
     ) -> None:
         """Start the processes."""
         sensors = mount_sensors(parameters)
-        offers, groups = sensor_topics(sensors), groups_apart(sensors)
+        offers, groups = sensor_topics(sensors), sensor_process_groups(sensors)
         log = node.get_logger()
         overrides = [f"{_OVERRIDES}.{key}" for key in node.get_parameters_by_prefix(_OVERRIDES)]
         self.topics: list[str] = []
@@ -272,21 +274,21 @@ class SensorsApart:
                 RemoteCounter(topic, process, partial(node.count_subscribers, full))
                 for topic, full in names.items()
             ]
-            self.outputs.append((name, requests, process.send))
+            self.outputs.append((name, token_messages, process.send))
 
     @property
     def ready(self) -> bool:
         """True if all processes have their first samples."""
         return all(process.ready for process in self._processes)
 
-    def connected(self, time_s: float) -> bool:
+    def is_connected(self, time_s: float) -> bool:
         """Return whether the processes are connected to all subscribers, or have tried long enough.
 
         :param time_s: time on a clock that never jumps [s].
         """
         self._requested_at = self._requested_at or time_s
         late = time_s - self._requested_at > _LONGEST_CONNECTION
-        return late or all(counter.connected for counter in self.counters)
+        return late or all(counter.is_connected for counter in self.counters)
 
     def close(self) -> None:
         """End the processes."""

@@ -26,7 +26,7 @@ from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 
 from imu_sim_ros.bags.messages.blocks import as_list
-from imu_sim_ros.bags.messages.encode_cameras import restamped
+from imu_sim_ros.bags.messages.encode_cameras import shift_stamp
 from imu_sim_ros.core.conventions import MARKERS_TOPIC
 from imu_sim_ros.core.errors import explain
 from imu_sim_ros.formats.door import read_states
@@ -43,7 +43,7 @@ from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import models, mount_sensors, sensor_warnings
 from imu_sim_ros.simulation.topics import sensor_topics
-from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.json_text import json_text
 from imu_sim_ros.terminal.progress import Watcher, watch_thread
 from imu_sim_ros.trajectory.build import build_trajectory
 
@@ -181,7 +181,7 @@ class SensorNode:
         for topic, topic_of_sensor in self._offered.items():
             if topic_of_sensor.topic.latched:
                 for payload in self._messages(topic, start, {}):
-                    self.counters[topic].send(restamped(payload, -ORIGIN_NS))
+                    self.counters[topic].send(shift_stamp(payload, -ORIGIN_NS))
         if MARKERS_TOPIC in self.counters:
             shown = markers(self._sensors, self._world)
             self.counters[MARKERS_TOPIC].send(serialize_message(shown))
@@ -205,7 +205,7 @@ class SensorNode:
         """Publish the messages of a sample."""
         sample = self.samples.take(number)
         for topic, payload in sample.messages:
-            moved = restamped(payload, true_t_ns - sample.true_t_ns)
+            moved = shift_stamp(payload, true_t_ns - sample.true_t_ns)
             self.counters[topic].send(moved)
 
     @property
@@ -251,7 +251,7 @@ class Reports:
     def say(self, **report: object) -> None:
         """Write a report as a line of JSON."""
         with self._lock:
-            self._file.write(as_json(report).encode() + b"\n")
+            self._file.write(json_text(report).encode() + b"\n")
 
 
 def main() -> int:

@@ -32,7 +32,7 @@ from imu_sim_ros.core import conventions, timebase
 from imu_sim_ros.core.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.core.records import States
 from imu_sim_ros.nodes import run, sensor_description, signals
-from imu_sim_ros.nodes.diagnostics import PERIOD, drawn, fault_message
+from imu_sim_ros.nodes.diagnostics import PERIOD, drawn_constants, fault_message
 from imu_sim_ros.nodes.messages import message_class
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
@@ -100,7 +100,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
         )
         self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-        self._apart = self._made_apart(parameters)
+        self._apart = self._start_sensor_processes(parameters)
         outputs = [*self._outputs(parameters), *(self._apart.outputs if self._apart else ())]
         self._body = body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
         self._remarks += body.warnings(elsewhere=True)
@@ -115,7 +115,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             PublishQueue(streams, parameters.duration or body.trajectory.duration),
             self._pacer(parameters),
             parameters.block_duration,
-            ready=self._ready,
+            ready=self._is_ready,
             zero=self._zero,
             acknowledged=self._wait_for_acknowledgement,
             on_end=self.lifetime.finish,
@@ -204,7 +204,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             sensor_description.publish(publishers[name], simulated)
         return publishers
 
-    def _made_apart(self, parameters: SimulatorParameters) -> "SensorsApart | None":
+    def _start_sensor_processes(self, parameters: SimulatorParameters) -> "SensorsApart | None":
         """Return the sensors with processes of their own; None, if there are none."""
         if not any(sensor.sensor.apart for sensor in mount_sensors(parameters).values()):
             return None
@@ -303,7 +303,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         return f"{described}; trajectory {motion}{cameras}"
 
     # ------------------------------------------------------------------------- the run
-    def _ready(self) -> bool:
+    def _is_ready(self) -> bool:
         """Return whether all expected subscribers are there; called repeatedly."""
         if self._follows and self.get_clock().now().nanoseconds == 0:
             return False
@@ -320,10 +320,10 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
                     missing |= counter.publisher.get_subscription_count() < count
         if missing or not any(minimums.values()):
             return not missing
-        if self._apart is not None and not self._apart.connected(time.monotonic()):
+        if self._apart is not None and not self._apart.is_connected(time.monotonic()):
             return False
         counts = [counter.publisher.get_subscription_count() for counter in self._counters]
-        return self._settling.settled(counts, time.monotonic())
+        return self._settling.has_settled(counts, time.monotonic())
 
     def _zero(self, lead_ns: int) -> int:
         """Return the time of the first sample [ns], which is due after a lead [ns]."""
@@ -451,15 +451,15 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(
             self._report.message(
-                stamp, elapsed, state, self._counters, lateness_ns, late, self._drawn_errors()
+                stamp, elapsed, state, self._counters, lateness_ns, late, self._drawn_constants()
             )
         )
 
-    def _drawn_errors(self) -> Mapping[str, str]:
+    def _drawn_constants(self) -> Mapping[str, str]:
         """Return the errors drawn by the seeds; computed again after a change of parameters."""
         if self._drawn_of is not self.parameters:
             self._drawn_of = self.parameters
-            self._drawn_values = drawn(imus(self.parameters))
+            self._drawn_values = drawn_constants(imus(self.parameters))
         return self._drawn_values
 
 

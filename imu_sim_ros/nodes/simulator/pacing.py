@@ -27,7 +27,7 @@ class Settling:
         self._counts: tuple[int, ...] = ()
         self._since = 0.0
 
-    def settled(self, counts: Sequence[int], time_s: float) -> bool:
+    def has_settled(self, counts: Sequence[int], time_s: float) -> bool:
         """Return whether the subscribers of all topics are there to stay.
 
         :param time_s: time on the steady clock [s].

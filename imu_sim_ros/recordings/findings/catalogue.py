@@ -11,8 +11,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import Readings, States, TimeSeries, with_fields
-from imu_sim_ros.core.spelling import spelled
+from imu_sim_ros.core.records import Readings, States, TimeSeries, replace_fields
+from imu_sim_ros.core.spelling import spell_arguments
 from imu_sim_ros.core.types import Mask, Times
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
 from imu_sim_ros.recordings.clock import Clock, estimate_clock
@@ -48,7 +48,7 @@ from imu_sim_ros.recordings.findings.stamps import STAMPS
 from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_contradictory
 from imu_sim_ros.recordings.findings.temperatures import TEMPERATURES, TemperatureRecord
 from imu_sim_ros.recordings.order import StampOrder, order_stamps
-from imu_sim_ros.recordings.repair import Disturbances, mended
+from imu_sim_ros.recordings.repair import Disturbances, repair_poses
 
 GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
     "Readings": READINGS,
@@ -84,7 +84,7 @@ def reading_findings(readings: Readings, measures: ReadingMeasures | None = None
         findings += _findings(STAMPS, measures.clock, readings)
     if readings.temperature is not None:
         findings += temperature_findings(TemperatureRecord(readings.source, readings.temperature))
-    return by_severity(findings)
+    return sort_by_severity(findings)
 
 
 def temperature_findings(record: TemperatureRecord) -> list[Finding]:
@@ -94,7 +94,7 @@ def temperature_findings(record: TemperatureRecord) -> list[Finding]:
 
 def stamp_findings(clock: Clock, source: str) -> list[Finding]:
     """Return the findings about the clock behind stamps, worst first."""
-    return by_severity(_findings(STAMPS, clock, source))
+    return sort_by_severity(_findings(STAMPS, clock, source))
 
 
 def equality_findings(t_ns: Times) -> list[Finding]:
@@ -135,7 +135,7 @@ def pose_findings(states: States) -> list[Finding]:
     if not len(states):
         return []
     head = states.rows(slice(_JUDGED))
-    return by_severity(_findings(STATES, StateMeasures(head), head))
+    return sort_by_severity(_findings(STATES, StateMeasures(head), head))
 
 
 def state_findings(states: States) -> list[Finding]:
@@ -150,9 +150,9 @@ def state_findings(states: States) -> list[Finding]:
     findings = [*order.findings, *pose_findings(poses)]
     if len(poses) and np.all(np.diff(poses.t_ns) > 0):
         head = poses.rows(slice(_JUDGED))
-        disturbances = mended(head).disturbances
+        disturbances = repair_poses(head).disturbances
         findings += disturbance_findings(head, disturbances)
-    return by_severity(findings)
+    return sort_by_severity(findings)
 
 
 class PoseOrder(NamedTuple):
@@ -181,7 +181,7 @@ def order_poses(states: States) -> PoseOrder:
         evidence = Evidence(f"{number:,} poses came twice", int(rows[repeated].min()), number)
         check = replace(KINDS["messages_repeated"], find=lambda _: iter([evidence]))
         findings += _findings((check,), states, states)
-    return PoseOrder(with_fields(states.rows(rows[~repeated]), repeated=number), findings)
+    return PoseOrder(replace_fields(states.rows(rows[~repeated]), repeated=number), findings)
 
 
 def order_findings(t_ns: Times, source: str) -> list[Finding]:
@@ -226,12 +226,12 @@ def disturbance_findings(states: States, disturbances: Disturbances) -> list[Fin
 
 def camera_findings(camera: CameraRecord) -> list[Finding]:
     """Return the findings about the description of a camera, worst first."""
-    return by_severity(_findings(CAMERAS, camera, camera.source))
+    return sort_by_severity(_findings(CAMERAS, camera, camera.source))
 
 
 def cloud_findings(cloud: CloudRecord) -> list[Finding]:
     """Return the findings about clouds, worst first."""
-    return by_severity(_findings(CLOUDS, cloud, cloud.source))
+    return sort_by_severity(_findings(CLOUDS, cloud, cloud.source))
 
 
 def clipping_findings(counts: ClippingCounts) -> list[Finding]:
@@ -259,7 +259,7 @@ def rest_findings(record: RestRecord) -> list[Finding]:
     return list(_findings(REST, record, ""))
 
 
-def by_severity(findings: Iterable[Finding]) -> list[Finding]:
+def sort_by_severity(findings: Iterable[Finding]) -> list[Finding]:
     """Return findings with the worst first."""
     return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
 
@@ -286,7 +286,7 @@ def _findings(
                 name,
                 evidence.text,
                 check.effect,
-                spelled(check.remedy),
+                spell_arguments(check.remedy),
                 row,
                 evidence.number,
                 t,

@@ -11,12 +11,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.blocks import blocks, lengths
+from imu_sim_ros.core.blocks import blocks, vector_lengths
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array, Integers, Mask
-from imu_sim_ros.recordings.clock import Clock, estimate_clock, unchanged_rows
+from imu_sim_ros.recordings.clock import Clock, estimate_clock, repeated_value_rows
 
 _FEWEST: Final = 32
 """Readings below which values are not judged."""
@@ -105,7 +105,7 @@ class ReadingMeasures:
         self.clock: Clock | None = None
         """Clock of the readings; None: their stamps have no rate."""
         try:
-            unchanged = unchanged_rows(readings.gyro, readings.accel)
+            unchanged = repeated_value_rows(readings.gyro, readings.accel)
             self.clock = estimate_clock(readings.t_ns, unchanged)
         except InputError as error:  # only whole columns are judged
             self.no_clock = str(error)
@@ -238,7 +238,7 @@ class ReadingMeasures:
         if self.values is None or self.swapped is not None:
             return radians
         gyro = self.values[0]
-        mean = float(lengths(gyro).mean())
+        mean = float(vector_lengths(gyro).mean())
         if mean * _DEGREES > _FASTEST:
             text = f"the angular rate is {mean:.4g} on average: no rad/s and no deg/s"
             return RateUnit("counts", _DEGREES, text)
@@ -344,7 +344,7 @@ class ReadingMeasures:
     def mean_force(self) -> float:
         """Mean length of the specific force, in the unit of the readings."""
         assert self.values is not None
-        return float(lengths(self.values[1]).mean())
+        return float(vector_lengths(self.values[1]).mean())
 
     @cached_property
     def noise_density(self) -> tuple[Array, Array] | None:

@@ -8,12 +8,12 @@ from collections.abc import Callable
 import numpy as np
 
 from imu_sim_ros.core.errors import warn
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import States, replace_fields
 from imu_sim_ros.recordings.findings.catalogue import contradictions, order_poses
 from imu_sim_ros.recordings.findings.policy import READ_STATES
 
 
-def in_order(
+def sort_poses(
     states: States, skip_bad_rows: bool = False, tell: Callable[[str], object] = warn
 ) -> States:
     """Return poses whose stamps increase: late ones in their places, without strays and repeats.
@@ -31,6 +31,6 @@ def in_order(
     if skip_bad_rows and len(poses):
         keep = np.append(True, np.diff(poses.t_ns) > 0)
         skipped = poses.skipped + int(np.count_nonzero(~keep))
-        poses = with_fields(poses.rows(keep), skipped=skipped)
+        poses = replace_fields(poses.rows(keep), skipped=skipped)
     READ_STATES.judge(contradictions(poses), tell)
     return poses.in_order()

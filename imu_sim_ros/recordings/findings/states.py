@@ -111,13 +111,13 @@ class StateMeasures:
         seconds = np.asarray((t_ns[end] - t_ns[begin])[:, None] * 1e-9)
         return begin, end, seconds
 
-    def over_spans(self, steps: Array) -> Array:
+    def rates_over_spans(self, steps: Array) -> Array:
         """Return the rates (m, 3) of change over each span, of changes (n - 1, 3) in each step."""
         begin, end, seconds = self.spans
         total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
         return np.asarray((total[end] - total[begin]) / seconds)
 
-    def integrated(self, column: Array) -> Array:
+    def integrate_rates(self, column: Array) -> Array:
         """Return the changes (n - 1, 3) by rates (n, 3), taken as linear in each step."""
         steps = np.diff(self.states.t_ns)[:, None] * 1e-9
         return np.asarray(0.5 * (column[1:] + column[:-1]) * steps)
@@ -131,7 +131,7 @@ class StateMeasures:
             ("angular rates", "turn", "rad/s", states.angular_velocity, self.turns),
         )
         return tuple(
-            TwistHalf(name, verb, unit, column, self.over_spans(steps), self._noise(steps))
+            TwistHalf(name, verb, unit, column, self.rates_over_spans(steps), self._noise(steps))
             for name, verb, unit, column, steps in columns
             if column is not None and len(self.spans[0]) >= _COMPARED
         )
@@ -320,7 +320,8 @@ def _contradictions(
         if not half.moves:
             continue
         as_stated, turned = (
-            _rms(measures.over_spans(measures.integrated(values)) - half.motion) / half.size
+            _rms(measures.rates_over_spans(measures.integrate_rates(values)) - half.motion)
+            / half.size
             for values in (half.values, turn(measures.states.q_wb, half.values))
         )
         if turned < _AGREES and as_stated > 3.0 * turned and as_stated > 0.05:

@@ -6,7 +6,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from imu_sim_ros.core.records import Readings, concatenated
+from imu_sim_ros.core.records import Readings, concatenate
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 
@@ -41,7 +41,7 @@ class ReadingSurvey:
     def add(self, block: Readings) -> list[Finding]:
         """Add readings; return the findings of kinds that no earlier window had."""
         self.readings += len(block)
-        readings = block if self._waiting is None else concatenated([self._waiting, block])
+        readings = block if self._waiting is None else concatenate([self._waiting, block])
         findings: list[Finding] = []
         while len(readings) >= _WINDOW:
             findings += self._judge(readings.rows(slice(_WINDOW)))

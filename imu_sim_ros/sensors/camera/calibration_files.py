@@ -29,7 +29,7 @@ import numpy as np
 
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Remark, warn
-from imu_sim_ros.core.names import nearest, shown, suggestion
+from imu_sim_ros.core.names import nearest, short_repr, suggestion
 from imu_sim_ros.core.rotation import inverse_pose, rigid_motion
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters import files
@@ -133,7 +133,7 @@ class _Camera:
 
     def refuse(self, key: str, value: object, allowed: str) -> None:
         """Note a value that cannot be used."""
-        state = "missing" if value is None else shown(value)
+        state = "missing" if value is None else short_repr(value)
         self.problems.append(f"{self._prefix}{key} = {state}: {allowed}")
 
     def refuse_name(self, key: str, name: str) -> None:
@@ -273,7 +273,8 @@ class _Camera:
         if kind is None:
             names = ", ".join(sorted(_DISTORTIONS))
             self.problems.append(
-                f"{self._prefix}distortion model {shown(model)}: not simulated; there are {names}"
+                f"{self._prefix}distortion model {short_repr(model)}: not simulated; there are "
+                f"{names}"
             )
             return
         if kind == "radtan8":
@@ -701,7 +702,7 @@ def load(name_or_file: str) -> dict[str, object]:
     :raises ConfigurationError: with a line for each key and value that cannot be used, for several
         cameras of which none is named, and for one that is not in the file.
     """
-    file, name = files.split_part(name_or_file)
+    file, name = files.split_sensor_name(name_or_file)
     path = files.find("cameras", str(file))
     tree = _tree(path)
     cameras = {} if files.has_sections(tree) else _cameras(tree, path)
@@ -714,7 +715,7 @@ def load(name_or_file: str) -> dict[str, object]:
         )
     if name and name not in cameras:
         have = ", ".join(filter(None, cameras)) or "one without a name"
-        raise ConfigurationError(f"{path}: has no camera {shown(name)}; it has {have}")
+        raise ConfigurationError(f"{path}: has no camera {short_repr(name)}; it has {have}")
     name = name or next(iter(cameras))
     keys, reader = cameras[name]
     camera = _Camera(path, name, keys)

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
 
 from imu_sim_ros.core.errors import ConfigurationError, Problems
-from imu_sim_ros.core.names import unknown
+from imu_sim_ros.core.names import unknown_name_line
 from imu_sim_ros.core.timebase import exact_rate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import choice, texts
-from imu_sim_ros.parameters.sections import listed_names, section, sections_by_name, variant
+from imu_sim_ros.parameters.sections import names_in_parameter, section, sections_by_name, variant
 from imu_sim_ros.places.mesh_file import is_mesh
 from imu_sim_ros.sensors import CAMERAS
 from imu_sim_ros.sensors.camera import calibration_files
@@ -116,7 +116,7 @@ def axes(parameters: Mapping[str, object], recorded: bool) -> dict[str, object]:
     :param recorded: the trajectory is recorded poses: the body has the axes of their recording.
     """
     result: dict[str, object] = {}
-    for name in listed_names("cameras", parameters):
+    for name in names_in_parameter("cameras", parameters):
         settings = {
             key: parameters.get(f"{name}.camera.{key}", parameters.get(f"camera.{key}"))
             for key in _AXES
@@ -134,7 +134,7 @@ def layer_rig(parameters: Mapping[str, object], problems: Problems) -> dict[str,
 
     :param problems: receives a line for each preset that cannot be read.
     """
-    names = listed_names("cameras", parameters)
+    names = names_in_parameter("cameras", parameters)
     of_all = {key: value for key, value in parameters.items() if key.startswith("camera.")}
     result = {key: value for key, value in parameters.items() if not (names and key in of_all)}
     for name in names:
@@ -142,7 +142,7 @@ def layer_rig(parameters: Mapping[str, object], problems: Problems) -> dict[str,
             k.removeprefix(f"{name}."): v for k, v in parameters.items() if k.startswith(f"{name}.")
         }
         merged: dict[str, object] = {"camera.preset": DEFAULT_CAMERA, **of_all, **camera_settings}
-        with problems.gathered():
+        with problems.collect():
             preset = calibration_files.load(str(merged["camera.preset"]))
             merged = {**preset, **merged}
         result.update({f"{name}.{key}": value for key, value in merged.items()})
@@ -155,7 +155,7 @@ def layer_rig(parameters: Mapping[str, object], problems: Problems) -> dict[str,
 
 def select_rig_parameters(parameters: Mapping[str, object]) -> dict[str, object]:
     """Return the parameters that are about cameras and scene."""
-    camera_prefixes = (f"{name}.camera." for name in listed_names("cameras", parameters))
+    camera_prefixes = (f"{name}.camera." for name in names_in_parameter("cameras", parameters))
     prefixes = ("camera.", "scene.", "features.", *camera_prefixes)
     return {k: v for k, v in parameters.items() if k == "cameras" or k.startswith(prefixes)}
 
@@ -166,7 +166,7 @@ def load_rig(parameters: Mapping[str, object]) -> RigParameters:
     :param parameters: ``cameras``, ``camera.*``, ``scene.*`` and ``NAME.camera.*`` by dotted name.
     :raises ConfigurationError: with a line for each problem.
     """
-    return files.build_layered(RigParameters, layer_rig, parameters)
+    return files.build_from_layers(RigParameters, layer_rig, parameters)
 
 
 def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Iterator[str]:
@@ -198,7 +198,7 @@ def scene_layer(name_or_file: str) -> dict[str, object]:
         return {"scene.type": name_or_file}
     if "/" not in name_or_file and "." not in name_or_file:
         if name_or_file not in TYPES:
-            raise ConfigurationError(unknown("scene", name_or_file, list_scenes()))
+            raise ConfigurationError(unknown_name_line("scene", name_or_file, list_scenes()))
         return {"scene.type": name_or_file}
     path = files.find("scenes", name_or_file)
     if path.suffix.lower() in (".yaml", ".yml"):

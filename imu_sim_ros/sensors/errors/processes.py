@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.core.random_streams import Seed, Streams, Units, by_axis, generator
+from imu_sim_ros.core.random_streams import Seed, Streams, Units, axes_first, generator
 from imu_sim_ros.core.types import Array, Mask, Times
 
 _AT_LEAST: Final = 1024
@@ -116,7 +116,7 @@ class GaussMarkovBank(ChunkedProcess):
         """Return the next chunks of the processes of some units."""
         exponent = self._exponent[units][..., None, None]  # axes are (..., axis, chunk, row)
         drive, phi = np.sqrt(-np.expm1(2.0 * exponent)), np.exp(exponent)
-        numbers = by_axis(self._streams.next(count * MARKOV_CHUNK, units))
+        numbers = axes_first(self._streams.next(count * MARKOV_CHUNK, units))
         numbers = numbers.reshape(*exponent.shape[:-2], count, _COLUMNS, _MARKOV_ROWS)
         # One column after the other, so each is contiguous: (column, ..., axis, chunk, row).
         table = np.empty((_COLUMNS, *exponent.shape[:-2], count, _MARKOV_ROWS))
@@ -275,7 +275,7 @@ class FlickerNoise(ChunkedProcess):
     def _drawn(self, units: Units) -> Array:
         """Return initial states (..., 3, p)."""
         root = self._rows.root
-        numbers = by_axis(self._streams.next(len(root), units))
+        numbers = axes_first(self._streams.next(len(root), units))
         # A vector at a time: the sums are the same for one unit and for many.
         return np.matmul(root, numbers[..., None])[..., 0]
 
@@ -283,7 +283,7 @@ class FlickerNoise(ChunkedProcess):
         """Return the next chunks of flicker noise of some units."""
         rows, state = self._rows, self._state[units]
         *several, _, poles = state.shape
-        numbers = by_axis(self._streams.next(count * FLICKER_CHUNK, units))
+        numbers = axes_first(self._streams.next(count * FLICKER_CHUNK, units))
         # All rows of a unit's chunk in a product: its size, and so its sums, never differ.
         noise = numbers.reshape(*several, 3, count, _FLICKER_ROWS, _COLUMNS).swapaxes(-4, -3)
         filtered = noise.reshape(*several, count, 3 * _FLICKER_ROWS, _COLUMNS) @ rows.from_noise

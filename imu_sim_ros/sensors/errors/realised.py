@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from imu_sim_ros.core.conventions import TRIADS
-from imu_sim_ros.core.random_streams import Seed, Streams, by_axis
+from imu_sim_ros.core.random_streams import Seed, Streams, axes_first
 from imu_sim_ros.core.types import Array, Keywords
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
@@ -68,7 +68,7 @@ def add_constants(section: _Section, sensor: str, seed: Seed) -> _Section:
     sources = [f"{sensor}.{constant.name}" for constant in drawn]
     numbers = Streams(seed, *sources).next(max(constant.numbers_per_axis for constant in drawn))
     for k, (name, sigma, count) in enumerate(drawn):
-        numbers_of_constant = by_axis(numbers[:count, ..., 3 * k : 3 * k + 3])
+        numbers_of_constant = axes_first(numbers[:count, ..., 3 * k : 3 * k + 3])
         added = numbers_of_constant * np.asarray(getattr(section, sigma))[..., None]
         value = np.asarray(getattr(section, name))
         sums = np.array(value) if value.size else np.zeros((*np.shape(seed), 3))
@@ -100,7 +100,7 @@ def realise_unit(parameters: TriadParameters, triad: str, seed: Seed) -> TriadPa
     if not (np.ndim(seed) or is_set(p.misalignment_sigma)):
         return p
     matrix = p.response()
-    numbers = by_axis(Streams(seed, f"{triad}.misalignment").next(2))
+    numbers = axes_first(Streams(seed, f"{triad}.misalignment").next(2))
     added = numbers * np.asarray(p.misalignment_sigma)[..., None]
     matrix[..., ~np.eye(3, dtype=bool)] += added.reshape(*np.shape(seed), 6)
     changed = _fields(

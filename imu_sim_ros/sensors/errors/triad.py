@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.core import components
-from imu_sim_ros.core.components import limit, quantise, rint, split, together
+from imu_sim_ros.core.components import clip, combine, components_of, quantise, rint
 from imu_sim_ros.core.random_streams import Seed, Units
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.parameters.kinds import Vector
@@ -182,12 +182,12 @@ class _Digits(NamedTuple):
         """Return values after rounding and saturation."""
         rounded, step, limited, minimum, maximum = self
         if rounded is False:
-            return limit(x, minimum, maximum) if limited else x
+            return clip(x, minimum, maximum) if limited else x
         if rounded is True:
             return quantise(x, step, minimum, maximum)
         x = x / step
         x = np.where(rounded, rint(x), x)
-        return (limit(x, minimum, maximum) if limited else x) * step
+        return (clip(x, minimum, maximum) if limited else x) * step
 
 
 class Digitiser:
@@ -416,18 +416,18 @@ class Triad:
         windows = faults is not None and bool(faults.windows)
         if faults is not None and windows:
             bias = self._with_jumps(start, bias, faults)
-        inputs = split(ideal)
+        inputs = components_of(ideal)
         total, error = self._analogue(
             inputs,
-            inputs if force is ideal else split(force),
-            None if scale is None else split(scale),
-            split(bias),
-            None if noise is None else split(noise),
+            inputs if force is ideal else components_of(force),
+            None if scale is None else components_of(scale),
+            components_of(bias),
+            None if noise is None else components_of(noise),
         )
-        response_error = None if error is None else together(error, ideal.shape)
+        response_error = None if error is None else combine(error, ideal.shape)
         low_pass = None
         if self._low_pass is not None or self._ratio > 1 or vibration is not None or windows:
-            reading = together(total, ideal.shape)
+            reading = combine(total, ideal.shape)
             if self._low_pass is not None:
                 low_pass = self._low_pass.apply(reading)
             if self._ratio > 1:
@@ -441,8 +441,8 @@ class Triad:
                 reading += vibration
             if faults is not None and windows:
                 faults.saturate(self._name, start, reading)
-            total = split(reading)
-        reading = together(self._digitiser.apply(total), bias.shape)
+            total = components_of(reading)
+        reading = combine(self._digitiser.apply(total), bias.shape)
         if self._increments is not None:
             self._increments.apply(reading)
         if faults is not None:

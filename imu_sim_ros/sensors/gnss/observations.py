@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.core.geodesy import earth_fixed, east_north_up
+from imu_sim_ros.core.geodesy import east_north_up, ecef_of_geodetic
 from imu_sim_ros.core.gps_time import WEEK, GpsTime
 from imu_sim_ros.core.random_streams import generator, generator_at
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
@@ -125,7 +125,7 @@ def antenna(environment: EnvironmentParameters, position: Array, velocity: Array
         origin = np.array([environment.latitude_deg]), np.array([environment.longitude_deg])
         turn = np.broadcast_to(east_north_up(*origin), axes.shape)
     return Antenna(
-        earth_fixed(latitude, longitude, height),
+        ecef_of_geodetic(latitude, longitude, height),
         np.einsum("nij,ni->nj", turn, velocity),
         np.radians(latitude),
         np.radians(longitude),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imu_sim_ros.core.geodesy import earth_fixed
+from imu_sim_ros.core.geodesy import ecef_of_geodetic
 from imu_sim_ros.core.gps_time import gps_time
 from imu_sim_ros.core.types import Integers
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -60,7 +60,7 @@ class RinexFiles:
         self._lock = reached[-1]
         if not self._begun:
             self._begun = True
-            position = earth_fixed(*samples.ideal_geodetic[:1].T)[0]
+            position = ecef_of_geodetic(*samples.ideal_geodetic[:1].T)[0]
             self._observations.write(
                 rinex.observation_header(
                     position,

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.core.geodesy import earth_fixed, east_north_up
+from imu_sim_ros.core.geodesy import east_north_up, ecef_of_geodetic
 from imu_sim_ros.core.gps_time import GPS_EPOCH, WEEK, GpsTime, gps_time
 from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -213,7 +213,7 @@ class Sky:
         if not len(t):
             return used, np.zeros((0, len(self._masks), 4))
         latitude, longitude, height = geodetic(self._environment, position)
-        origin = earth_fixed(latitude, longitude, height)
+        origin = ecef_of_geodetic(latitude, longitude, height)
         axes = east_north_up(latitude, longitude)
         dilutions = np.full((*used.shape[:2], 4), np.inf)
         for rows, ephemerides in self.broadcast.sets(self.start, t):

@@ -24,10 +24,10 @@ import numpy as np
 
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import ConfigurationError
-from imu_sim_ros.core.names import nearest, shown, suggestion
+from imu_sim_ros.core.names import nearest, short_repr, suggestion
 from imu_sim_ros.core.rotation import inverse_pose, rigid_motion
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.parameters.files import dotted
+from imu_sim_ros.parameters.files import dotted_values
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.parameters.yaml_text import YamlMapping
@@ -119,7 +119,7 @@ class _File(NamedTuple):
             self.problems.append(f"{key}: {name} is given twice")
         if name in checked_parameters():
             declaration = checked_parameters()[name]
-            value = declaration.unquoted(value)
+            value = declaration.unquote(value)
             try:
                 declaration.parse(key, value)
             except ConfigurationError as error:
@@ -139,7 +139,7 @@ class _File(NamedTuple):
         if np.isfinite(array).all():
             return array
         size = f"{' x '.join(map(str, shape))} finite numbers" if shape else "a finite number"
-        self.problems.append(f"{key} = {shown(content)}: must be {size}")
+        self.problems.append(f"{key} = {short_repr(content)}: must be {size}")
         return None
 
     def unknown(self, key: str, names: Iterable[str]) -> bool:
@@ -197,7 +197,7 @@ def _other_sensors(tree: YamlMapping) -> Iterator[str]:
     for number, entry in enumerate(sensors if isinstance(sensors, list) else []):
         if not any(entry is imu for imu in imus):
             kind = entry.get("sensor_type") if isinstance(entry, Mapping) else entry
-            yield f"sensors[{number}], {shown(kind)}"
+            yield f"sensors[{number}], {short_repr(kind)}"
 
 
 def parameters_of(
@@ -248,7 +248,7 @@ def _imu_keys(tree: YamlMapping, path: str | Path, imu: str, unused: list[str]) 
     }
     have = ", ".join(imus) or "one without a name"
     if imu and imu not in imus:
-        raise ConfigurationError(f"{path}: has no IMU {shown(imu)}; it has {have}")
+        raise ConfigurationError(f"{path}: has no IMU {short_repr(imu)}; it has {have}")
     if not imus:
         return tree
     if len(imus) > 1 and not imu:
@@ -272,7 +272,7 @@ def _convert(file: _File, key: str, value: object) -> None:
     if value is None:
         file.problems.append(f"{key}: a value is missing")
     elif key in _UNUSED:
-        file.unused.append(f"{key} = {shown(value)} ({_UNUSED[key]})")
+        file.unused.append(f"{key} = {short_repr(value)} ({_UNUSED[key]})")
     elif key in _PARAMETERS:
         file.set(_PARAMETERS[key], value, key)
     elif key in _POSES:
@@ -284,7 +284,7 @@ def _convert(file: _File, key: str, value: object) -> None:
             file.set(f"{_IMU}stamp_offset", -float(offset), key)
     elif key == "sensor_type":
         if str(value).lower() != "imu":
-            file.problems.append(f"sensor_type = {shown(value)}: must be imu")
+            file.problems.append(f"sensor_type = {short_repr(value)}: must be imu")
     elif key in _INTRINSICS:
         return
     elif name in parameters(ImuParameters):
@@ -294,7 +294,7 @@ def _convert(file: _File, key: str, value: object) -> None:
     # Any other one may be a parameter of another node, or of the trajectory.
     elif key == "imu" or not file.unknown(key, (*_KEYS, *parameters(ImuParameters))):
         if isinstance(value, Mapping):
-            for path, entry in dotted(value, f"{file.path}: {key}", f"{key}.").items():
+            for path, entry in dotted_values(value, f"{file.path}: {key}", f"{key}.").items():
                 file.set(path, entry, path)
         else:
             file.set(key, value, key)
@@ -319,12 +319,14 @@ def _add_intrinsics(file: _File, keys: Mapping[str, object]) -> None:
     model = keys.get("model", "kalibr")
     if model not in _MODELS:
         hint = suggestion(model, _MODELS)
-        file.problems.append(f"model = {shown(model)}: {hint}")
+        file.problems.append(f"model = {short_repr(model)}: {hint}")
     kalibr: dict[str, Array] = {}
     for triad, elements in _TRIADS.items():
         section = keys.get(triad, {})
         if not isinstance(section, Mapping):
-            file.problems.append(f"{triad} = {shown(section)}: must hold {', '.join(elements)}")
+            file.problems.append(
+                f"{triad} = {short_repr(section)}: must hold {', '.join(elements)}"
+            )
             continue
         for name, value in section.items():
             key, shape = f"{triad}.{name}", (3,) if str(name).startswith("r") else (3, 3)

@@ -17,9 +17,9 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.core.errors import ConfigurationError
-from imu_sim_ros.core.names import nearest, shown
+from imu_sim_ros.core.names import nearest, short_repr
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.parameters.files import dotted
+from imu_sim_ros.parameters.files import dotted_values
 from imu_sim_ros.parameters.yaml_text import YamlMapping
 
 _DENSITIES: Final = {
@@ -95,11 +95,11 @@ def keys_of_imu(tree: YamlMapping, path: str | Path) -> tuple[dict[str, object],
     keys: dict[str, object] = {}
     unused: list[str] = []
     problems: dict[str, str] = {}
-    for name, value in dotted(tree, str(path)).items():
+    for name, value in dotted_values(tree, str(path)).items():
         key = _key(name)
         if key in _PER_SAMPLE:
             meaning, parameter = _PER_SAMPLE[key]
-            line = f"{path}: {name} = {shown(value)}: {meaning.format(key=key)}"
+            line = f"{path}: {name} = {short_repr(value)}: {meaning.format(key=key)}"
             problems.setdefault(key, f"{line}; set imu.{parameter}")
         elif key in _DENSITIES:
             keys[_DENSITIES[key]] = value
@@ -107,7 +107,7 @@ def keys_of_imu(tree: YamlMapping, path: str | Path) -> tuple[dict[str, object],
             triad, (rows, columns) = _CORRECTIONS[key]
             response = _response(value, rows, columns)
             if response is None:
-                problems[key] = f"{path}: {name} = {shown(value)}: not a correction of Basalt"
+                problems[key] = f"{path}: {name} = {short_repr(value)}: not a correction of Basalt"
                 continue
             matrix, bias = response
             keys[f"{triad}_scale_misalignment"] = np.ravel(matrix).tolist()

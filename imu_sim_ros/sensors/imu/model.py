@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core import rotation, timebase
-from imu_sim_ros.core.components import Vector, split
+from imu_sim_ros.core.components import Vector, components_of
 from imu_sim_ros.core.conventions import ERRORS, TRIADS
 from imu_sim_ros.core.records import LiveReading
 from imu_sim_ros.core.types import Array, Times
@@ -419,7 +419,7 @@ def range_warnings(mounted: Mounted[ImuParameters], world: World, duration: floa
 
 def _longest(vectors: Array) -> float:
     """Return the length of the longest vector (n, 3)."""
-    x, y, z = split(vectors)
+    x, y, z = components_of(vectors)
     return math.sqrt(np.max(x * x + y * y + z * z))
 
 

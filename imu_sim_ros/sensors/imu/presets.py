@@ -11,7 +11,7 @@ from typing import Final
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, Remark, warn
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import find, is_included
-from imu_sim_ros.parameters.sections import bad_values
+from imu_sim_ros.parameters.sections import bad_value_lines
 from imu_sim_ros.sensors.imu import calibration_files, estimator_settings, sdf
 from imu_sim_ros.sensors.imu.parameters import DEFAULT_IMU
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
@@ -31,7 +31,7 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
     :param node: the node's name without namespace.
     :raises ConfigurationError: for a file that cannot be read or has another form.
     """
-    file, imu = files.split_part(path)
+    file, imu = files.split_sensor_name(path)
     tree = files.read_tree(file)
     if not imu and (files.has_sections(tree) or not calibration_files.is_readable(tree)):
         parameters = files.parameters_of(tree, file, node)
@@ -39,7 +39,7 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
             return parameters
         tree = parameters
     values = calibration_files.parameters_of(tree, file, imu, lambda line: warn(line, Remark))
-    return {name: files.placed(name, value, file) for name, value in values.items()}
+    return {name: files.resolve_path(name, value, file) for name, value in values.items()}
 
 
 def load_all(paths: Iterable[str | Path], node: str) -> dict[str, object]:
@@ -50,7 +50,7 @@ def load_all(paths: Iterable[str | Path], node: str) -> dict[str, object]:
     result: dict[str, object] = {}
     problems = Problems()
     for path in paths:
-        with problems.gathered():
+        with problems.collect():
             result.update(load(path, node))
     problems.tell()
     return result
@@ -81,7 +81,7 @@ def sensor_layer(
     passed: list[Path] = []
     bad = Problems()
     while True:
-        file, imu = files.split_part(name_or_file)
+        file, imu = files.split_sensor_name(name_or_file)
         path = find("imus", str(file))
         if passed and path.resolve() in [ancestor.resolve() for ancestor in passed]:
             raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
@@ -91,13 +91,13 @@ def sensor_layer(
         if not is_included("imus", file):
             declared = calibration_files.checked_parameters()
             for name in declared.keys() & values.keys():
-                values[name] = declared[name].unquoted(values[name])
-            for name, line in bad_values(declared, values).items():
+                values[name] = declared[name].unquote(values[name])
+            for name, line in bad_value_lines(declared, values).items():
                 bad.append(f"{path}: {line}")
                 del values[name]
         result = {**values, **result}
         if base is None:
-            with nullcontext() if problems is None else problems.gathered():
+            with nullcontext() if problems is None else problems.collect():
                 bad.tell()
             return result
         name_or_file = str(base)
@@ -114,11 +114,11 @@ def layer_imu(parameters: Mapping[str, object], node: str, problems: Problems) -
     """
     overrides = {"imu.preset": DEFAULT_IMU, **parameters}
     preset, file = dict[str, object](), dict[str, object]()
-    with problems.gathered():
+    with problems.collect():
         preset = sensor_layer(str(overrides["imu.preset"]), node, parameters.get("rate"), problems)
     overrides["imu.preset"] = preset.pop("imu.preset", overrides["imu.preset"])
     barometer = {**preset, **parameters}.get(_BAROMETER)
-    with problems.gathered():
+    with problems.collect():
         file = files.load(find("barometers", str(barometer)), node) if barometer else {}
     # A barometer that the IMU's preset names may be changed there; another one is what it is.
     layer = {**preset, **file} if _BAROMETER in parameters else {**file, **preset}

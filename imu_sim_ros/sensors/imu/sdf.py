@@ -21,9 +21,9 @@ from imu_sim_ros.core.names import nearest, suggestion
 from imu_sim_ros.core.rotation import from_euler, pose_matrix, to_matrix
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.inputs.rows import number_of, read_text, shortened
-from imu_sim_ros.inputs.xml_text import Element, parsed
-from imu_sim_ros.parameters.sections import bad_values, parameters
+from imu_sim_ros.inputs.rows import number_of, read_text, shorten_word
+from imu_sim_ros.inputs.xml_text import Element, parse_xml
+from imu_sim_ros.parameters.sections import bad_value_lines, parameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 _QUANTITIES: Final = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
@@ -114,7 +114,7 @@ class _Part(NamedTuple):
             hint = "; the file is a template: render it first" if "{" in text else ""
             count = " or ".join(map(str, counts))
             must = "a number" if counts == (1,) else f"{count} numbers"
-            raise InputError(f"{self.where}: <{name}> {shortened(text)}: must be {must}{hint}")
+            raise InputError(f"{self.where}: <{name}> {shorten_word(text)}: must be {must}{hint}")
         return values
 
     def check(self, names: Collection[str], similarity: float = _TYPO) -> None:
@@ -149,7 +149,7 @@ def read_model(path: str | Path, sensor: str | None = None, rate: object = None)
     if sensor is not None:
         elements = [imu for imu in elements if imu[0] == sensor]
         if not elements:
-            raise InputError(f"{file}: has no IMU {shortened(sensor)}; it has {have}")
+            raise InputError(f"{file}: has no IMU {shorten_word(sensor)}; it has {have}")
     if not elements:
         _refuse_template(file)
         hints = "".join(f"; {hint}" for hint in _hints(root))
@@ -159,9 +159,9 @@ def read_model(path: str | Path, sensor: str | None = None, rate: object = None)
         raise InputError(f"{file}: has several IMUs, name one of {have}: {file}#{name}")
     if len(elements) > 1:
         raise InputError(f"{file}: has several IMUs named {name}; give them other names")
-    part = _Part(f"{file}: {element.tag} {shortened(name)}", element, [])
+    part = _Part(f"{file}: {element.tag} {shorten_word(name)}", element, [])
     values = values_of(part, float(rate) if isinstance(rate, int | float) and rate > 0 else 0.0)
-    problems = bad_values(parameters(ImuParameters, prefix="imu."), values).values()
+    problems = bad_value_lines(parameters(ImuParameters, prefix="imu."), values).values()
     if problems:
         raise InputError([f"{file}: {name}: {line}" for line in problems])
     for line in part.remarks:
@@ -194,7 +194,7 @@ def _hints(root: Element) -> Iterator[str]:
             yield f"{element.attributes['filename']} is not known"
         elif element.tag == "include":
             uri = element.child("uri")
-            model = shortened(uri.text.strip()) if uri is not None else "another file"
+            model = shorten_word(uri.text.strip()) if uri is not None else "another file"
             yield f"<include> is not followed: give the file of {model}"
 
 
@@ -204,7 +204,7 @@ def _parse(file: str) -> Element:
     :raises InputError: for one that is not XML, perhaps because it is a template of it.
     """
     try:
-        return parsed(file)
+        return parse_xml(file)
     except InputError:
         _refuse_template(file)
         raise
@@ -327,7 +327,7 @@ def _noises(part: _Part, triad: str) -> "list[_Part | None]":
         place, kind = f"{where}: <{quantity}><{axis}><noise>", written.strip().lower()
         if kind not in ("", *_KINDS):
             raise InputError(
-                f"{place}: noise of type {shortened(written)} is not known; "
+                f"{place}: noise of type {shorten_word(written)} is not known; "
                 f"{suggestion(kind, _KINDS)}"
             )
         part_of_axis = None if noise is None else _Part(place, noise, remarks)

@@ -23,7 +23,7 @@ from imu_sim_ros.parameters.kinds import (
     ZERO_MATRIX,
     Matrix,
     Vector,
-    like,
+    copy_parameter,
     matrix,
     numbers,
     vector,
@@ -456,7 +456,7 @@ def triad_field(name: str, unit_texts: Mapping[str, str], **changed: object) -> 
     """
     triads = parameters(TriadParameters)[name]
     texts = {"text": triads.text.format(**unit_texts), "unit": triads.unit.format(**unit_texts)}
-    described = like(triads, **{**texts, **changed})
+    described = copy_parameter(triads, **{**texts, **changed})
     metadata = {**described.metadata, _OF_A_TRIAD: True}
     return dataclasses.field(default=described.default, metadata=metadata)
 

@@ -10,11 +10,11 @@ import pytest
 
 from imu_sim_ros.bags.messages.definitions import digests
 from imu_sim_ros.bags.messages.schemas import (
-    known_types,
     ros1_name,
     ros2_name,
     schema,
     typestore,
+    typestore_of_format,
 )
 
 GPS_FIX = "gps_msgs/GPSFix"
@@ -31,7 +31,7 @@ LIVOX = "livox_ros_driver2/CustomMsg"
 )
 def test_texts_and_digests_are_those_of_rosbags(name, encoding):
     name = ros2_name(name)
-    ours, theirs = schema(name, encoding), schema(name, encoding, known_types(encoding))
+    ours, theirs = schema(name, encoding), schema(name, encoding, typestore_of_format(encoding))
     assert ours == theirs
     assert ours.text
 

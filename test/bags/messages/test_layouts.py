@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags.messages.layouts import ENCODINGS, TYPES, fields, layout, raw_texts
-from imu_sim_ros.bags.messages.schemas import definitions, known_types, schema, typestore
+from imu_sim_ros.bags.messages.layouts import ENCODINGS, TYPES, fields, layout, text_bytes
+from imu_sim_ros.bags.messages.schemas import definitions, schema, typestore, typestore_of_format
 
 OTHERS = ("sensor_msgs/msg/RelativeHumidity", "sensor_msgs/msg/Range", "geometry_msgs/msg/Wrench")
 
@@ -38,11 +38,11 @@ def test_fields_are_where_rosbags_puts_them(type_name: str, encoding: str) -> No
     if type_name.startswith("gps_msgs"):
         store = typestore([(type_name, schema(type_name, encoding))], encoding)
     else:
-        store = known_types(encoding)
+        store = typestore_of_format(encoding)
     original = message(store, type_name, iter(range(1, 128)))
     serialise = store.serialize_cdr if encoding == "cdr" else store.serialize_ros1
     content = bytes(serialise(original, type_name))
-    message_layout = layout(type_name, encoding, raw_texts(type_name, encoding, content))
+    message_layout = layout(type_name, encoding, text_bytes(type_name, encoding, content))
     assert len(message_layout.template) == len(content)
     values = np.frombuffer(content, message_layout.dtype)[0]
     names = sorted(message_layout.dtype.names or (), key=message_layout.offset)

@@ -63,9 +63,9 @@ def test_an_error_in_a_trajectory_ends_the_simulator(node, faulty):
 
 def test_the_traceback_is_shown_on_request(node, faulty):
     log_arguments = ["--ros-args", "--log-level", "debug"]
-    assert run.debugging(log_arguments) == (log_arguments, True)
-    assert run.debugging(["--debug", "--rate=9"]) == (["--rate=9"], True)
-    assert run.debugging(["--rate=9"]) == (["--rate=9"], False)
+    assert run.parse_debug_option(log_arguments) == (log_arguments, True)
+    assert run.parse_debug_option(["--debug", "--rate=9"]) == (["--rate=9"], True)
+    assert run.parse_debug_option(["--rate=9"]) == (["--rate=9"], False)
     simulator = node("simulator", "--trajectory", "faulty", "--debug", **faulty)
     assert simulator.status() == 1
     assert 'faulty.py", line' in simulator.output

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ImuEncoder
-from imu_sim_ros.bags.messages.schemas import recorded_type
+from imu_sim_ros.bags.messages.schemas import message_type
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.core.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import messages as message_types
@@ -84,19 +84,19 @@ def wheel_bytes() -> tuple[bytes, bytes]:
 
 def test_a_type_unknown_to_ros_is_recorded_by_its_installed_definition():
     cdr, ros1 = wheel_bytes()
-    cdr_type = recorded_type(WHEEL, WHEEL_TEXT, "RIHS01_1", "cdr")
+    cdr_type = message_type(WHEEL, WHEEL_TEXT, "RIHS01_1", "cdr")
     assert cdr_type.convert(cdr) == cdr
     assert cdr_type.schema.text == WHEEL_TEXT
-    ros1_type = recorded_type(WHEEL, WHEEL_TEXT, "", "ros1")
+    ros1_type = message_type(WHEEL, WHEEL_TEXT, "", "ros1")
     assert ros1_type.convert(cdr) == ros1
     assert "MSG: std_msgs/Header" in ros1_type.schema.text
     assert "uint32 seq" in ros1_type.schema.text
 
 
 def test_a_type_without_any_definition_fits_mcap_but_not_ros1():
-    assert recorded_type(WHEEL, "", "", "cdr").schema.text == ""
+    assert message_type(WHEEL, "", "", "cdr").schema.text == ""
     with pytest.raises(InputError, match="needs its definition, which is not installed"):
-        recorded_type(WHEEL, "", "", "ros1")
+        message_type(WHEEL, "", "", "ros1")
 
 
 def topic(name: str, type_name: str = "sensor_msgs/msg/Imu") -> RecordedTopic:

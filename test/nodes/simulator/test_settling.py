@@ -12,10 +12,12 @@ pytestmark = pytest.mark.ros
 
 def test_each_further_subscription_begins_the_wait_again():
     settling = Settling()
-    assert not settling.settled([1, 0, 0], 10.0)
-    assert not settling.settled([1, 0, 0], 10.2)
-    assert not settling.settled([1, 1, 0], 10.25)  # a recorder takes its second topic
-    assert not settling.settled([1, 1, 0], 10.5)  # 0.5 s after the first, 0.25 s after the second
-    assert not settling.settled([1, 1, 1], 10.54)
-    assert not settling.settled([1, 1, 1], 10.8)
-    assert settling.settled([1, 1, 1], 10.85)
+    assert not settling.has_settled([1, 0, 0], 10.0)
+    assert not settling.has_settled([1, 0, 0], 10.2)
+    assert not settling.has_settled([1, 1, 0], 10.25)  # a recorder takes its second topic
+    assert not settling.has_settled(
+        [1, 1, 0], 10.5
+    )  # 0.5 s after the first, 0.25 s after the second
+    assert not settling.has_settled([1, 1, 1], 10.54)
+    assert not settling.has_settled([1, 1, 1], 10.8)
+    assert settling.has_settled([1, 1, 1], 10.85)

@@ -14,7 +14,7 @@ import pytest
 
 import imu_sim_ros as ims
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.core.geodesy import earth_fixed
+from imu_sim_ros.core.geodesy import ecef_of_geodetic
 from imu_sim_ros.core.gps_time import GpsTime, gps_time
 from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.observations import Antenna, klobuchar, ranges, saastamoinen_delay
@@ -28,7 +28,7 @@ CHANGE = 1_700_002_800 - 18
 """[s] Unix time at which another ephemeris is the nearest: 3600 s after an even hour of GPS."""
 PLACE = {"latitude_deg": 48.0, "longitude_deg": 11.0, "height": 500.0}
 GIVEN = {"imu": "perfect", "rate": 20.0, "start_time": CHANGE - 60.0, "sensors": ["gnss"], **PLACE}
-ORIGIN = earth_fixed(*(np.array([value]) for value in PLACE.values()))[0]
+ORIGIN = ecef_of_geodetic(*(np.array([value]) for value in PLACE.values()))[0]
 
 
 def raw(**options: Any) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def test_rtklib_finds_a_moving_antenna_and_its_velocity(tmp_path: Path) -> None:
     flight = flight_with_rinex(tmp_path / "a", trajectory="figure_eight",
                   gnss=raw(**QUIET, clock_offset=1e-3))  # fmt: skip
     solution = solved(tmp_path, ["a.obs", "a.nav"])
-    truth = earth_fixed(*flight.gnss.ideal_geodetic.T)
+    truth = ecef_of_geodetic(*flight.gnss.ideal_geodetic.T)
     assert np.abs(solution[:, 2:5] - truth).max() < 0.02
     east, north, up = flight.gnss.ideal_velocity.T
     speed = np.linalg.norm(solution[:, 15:18], axis=1)
@@ -112,7 +112,7 @@ def test_rtklib_fixes_the_ambiguities_of_two_receivers(tmp_path: Path) -> None:
     )  # fmt: skip
     assert len(solution) == 120
     assert np.mean(solution[:, 5] == 1.0) > 0.9  # fixed
-    truth = earth_fixed(*rover.gnss.ideal_geodetic.T)
+    truth = ecef_of_geodetic(*rover.gnss.ideal_geodetic.T)
     off = np.linalg.norm(solution[:, 2:5] - truth, axis=1)
     assert off[solution[:, 5] == 1.0].max() < 0.1
 

@@ -16,7 +16,7 @@ from imu_sim_ros.commands.generate import main
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.records import States
 from imu_sim_ros.inputs.poses import read_poses, write_tum
-from imu_sim_ros.recordings.repair import mended
+from imu_sim_ros.recordings.repair import repair_poses
 from imu_sim_ros.trajectory.recorded import RecordedMotion
 
 RATE = 100.0
@@ -101,7 +101,7 @@ class Recording(NamedTuple):
         t_ns, position, q_wb = (
             column[self.rows] for column in (poses.t_ns, poses.position, poses.q_wb)
         )
-        return (t_ns - t_ns[0]) * 1e-9, position.copy(), rotation.continuous(q_wb)
+        return (t_ns - t_ns[0]) * 1e-9, position.copy(), rotation.unwrap_signs(q_wb)
 
 
 # A drone of up to 8.3 m/s^2: unharmed, the spline's velocities are within 0.043 m/s of the file's
@@ -271,6 +271,6 @@ def test_a_shaken_end_is_no_jump_behind_it() -> None:
     """The last 3 s of a drive on a rough road: single poses are suspicious, also the last one."""
     drive = ims.simulate(imu="perfect", trajectory="town", duration=60, rate=200)
     rows = slice(-600, None)
-    mending = mended(drive.truth.rows(rows))
+    mending = repair_poses(drive.truth.rows(rows))
     assert all(0 <= jump.row < 600 for jump in mending.disturbances.jumps)
     assert len(mending.poses) > 500

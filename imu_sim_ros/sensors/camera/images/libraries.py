@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from imu_sim_ros.core.errors import MissingDependencyError
-from imu_sim_ros.terminal.progress import watcher
+from imu_sim_ros.terminal.progress import current_watcher
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -74,7 +74,7 @@ def _tell_before_compiling() -> None:
             ours = compiling.data["dispatcher"].py_func.__module__.startswith(f"{__package__}.")
             if ours and not self.announced:
                 self.announced = True
-                watcher().note(
+                current_watcher().note(
                     "the code that makes images is compiled first, once after an installation: "
                     "5 to 15 s of processor time"
                 )
