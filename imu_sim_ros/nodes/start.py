@@ -14,7 +14,7 @@ def _run(name: str) -> int:
     """Run a node and end the process with its status."""
     startup.open_standard_streams()  # else the watch's pipe would take the place of a closed one
     signals.watch(is_final=True)
-    status: int | None = startup.load("imu_sim_ros.nodes.help").answer(name, sys.argv[1:])
+    status: int | None = startup.load("imu_sim_ros.nodes.help").answer_requests(name, sys.argv[1:])
     if status is not None:
         return status
     try:

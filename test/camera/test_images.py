@@ -667,15 +667,15 @@ def test_what_is_missing_is_named(make_rig, monkeypatch):
 
 
 COMPILING = """
-from imu_sim_ros.bags.threads import threads
-from imu_sim_ros.terminal.progress import Watcher, watched_by
+from imu_sim_ros.bags.threads import thread_pool
+from imu_sim_ros.terminal.progress import Watcher, watch
 from imu_sim_ros.sensors.camera.images import libraries, loops
 
 def more(x):
     return x + 1
 
 more.__module__ = loops.__name__
-with watched_by(Watcher(note=print)), threads(1) as pool:
+with watch(Watcher(note=print)), thread_pool(1) as pool:
     compiled = libraries.numba_function(more)
     print(pool.submit(compiled, 1).result(), compiled(1.0))
 """
