@@ -13,7 +13,7 @@ import numpy as np
 
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import ConfigurationError
-from imu_sim_ros.core.records import SeriesT, with_fields
+from imu_sim_ros.core.records import SeriesT, replace_fields
 from imu_sim_ros.recordings.live_order import Gaps, Order, Spreading
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor, takes_ideal_values
@@ -193,7 +193,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
             steps = np.arange(1, step + 1) * self._nominal_ns
             repeated = latest.rows(np.zeros(step, dtype=np.intp))
             t_ns = latest.t_ns + np.rint(steps).astype(np.int64)
-            self._sample(with_fields(repeated, t_ns=t_ns))
+            self._sample(replace_fields(repeated, t_ns=t_ns))
             count -= step
 
     def _leave_out(self, step_ns: int) -> None:
@@ -291,7 +291,7 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         """Return values in the axes of the simulation."""
         if ideal.values.ndim == 1:
             return ideal
-        return with_fields(ideal, values=self._conventions.rotate(ideal.values))
+        return replace_fields(ideal, values=self._conventions.rotate(ideal.values))
 
     def _sample(self, ideal: IdealValues) -> list[Samples]:
         """Return the samples of ideal values."""
