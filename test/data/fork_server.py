@@ -43,10 +43,12 @@ class ForkServer:
         print(json.dumps(request), file=self._stream, flush=True)
         return json.loads(self._stream.readline())
 
-    def start(self, arguments: list[str], environment: dict[str, str], log: Path) -> "Forked":
-        """Start the node, with its output in a file, in the working folder of this process."""
+    def start(
+        self, arguments: list[str], environment: dict[str, str], log: Path, folder: Path
+    ) -> "Forked":
+        """Start the node in a working folder, with its output in a file."""
         log.touch()
-        request = {"arguments": arguments, "environment": environment, "folder": os.getcwd()}
+        request = {"arguments": arguments, "environment": environment, "folder": str(folder)}
         return Forked(self, self.ask(**request, log=str(log)))
 
     def close(self) -> None:
@@ -120,6 +122,8 @@ def serve(descriptor: int, name: str) -> int:
     with open(request["log"], "w") as log:
         for stream_descriptor in (1, 2):
             os.dup2(log.fileno(), stream_descriptor)
+    if "PYTHONUNBUFFERED" in os.environ:
+        sys.stdout.reconfigure(write_through=True)
     sys.argv = [name, *request["arguments"]]
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # as in the program that the build writes
     return int(getattr(start, name)())

@@ -98,10 +98,16 @@ def tf2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session")
-def fork_servers() -> Iterator[dict[str, ForkServer]]:
-    """Return the processes that fork for a start of a node, by its name."""
+def fork_server() -> Iterator[Callable[[str, dict[str, str]], ForkServer]]:
+    """Return a function that gives the process that forks for each start of a node."""
     servers: dict[str, ForkServer] = {}
-    yield servers
+
+    def of_node(name: str, environment: dict[str, str]) -> ForkServer:
+        if name not in servers:
+            servers[name] = ForkServer(name, environment)
+        return servers[name]
+
+    yield of_node
     for server in servers.values():
         server.close()
 
@@ -111,7 +117,7 @@ def start(
     domains: tuple[int, int],
     tmp_path: Path,
     no_torn_segments: None,
-    fork_servers: dict[str, ForkServer],
+    fork_server: Callable[[str, dict[str, str]], ForkServer],
 ) -> Iterator[Callable[..., NodeProcess]]:
     """Start nodes: ``start("simulator", rate=100, ...)``; they end with the test.
 
@@ -157,9 +163,8 @@ def start(
                     env=environment,
                 )
         else:
-            if name not in fork_servers:
-                fork_servers[name] = ForkServer(name, environment)
-            process = fork_servers[name].start(program_arguments, environment, log)
+            server = fork_server(name, environment)
+            process = server.start(program_arguments, environment, log, Path.cwd())
         started.append(NodeProcess(process, log))
         return started[-1]
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fork_server import Forked, ForkServer
 from programs import PATIENCE, program, until
 
 REPOSITORY = Path(__file__).parents[3]
@@ -22,22 +23,12 @@ FEED = REPOSITORY / "test" / "data" / "feed.py"
 class Process:
     """A program whose output goes into a file."""
 
-    def __init__(self, arguments: list[str], folder: Path, number: int, environment: dict) -> None:
-        self.log = folder / f"{number}.log"
-        self._out = self.log.open("w")
-        preparation = environment.pop("preparation", None)
-        self.process = subprocess.Popen(
-            [sys.executable, *arguments],
-            stdout=self._out,
-            stderr=subprocess.STDOUT,
-            cwd=folder,
-            env=environment,
-            preexec_fn=preparation,
-        )
+    def __init__(self, process: "subprocess.Popen[bytes] | Forked", log: Path) -> None:
+        self.process, self._log = process, log
 
     @property
     def output(self) -> str:
-        return self.log.read_text()
+        return self._log.read_text()
 
     def wait_for(self, text: str, count: int = 1) -> None:
         """Wait until the program has printed something so many times."""
@@ -73,39 +64,77 @@ class Process:
         if self.process.poll() is None:
             self.process.kill()
             self.process.wait()
-        self._out.close()
 
 
 @pytest.fixture
-def start(
-    tmp_path: Path, domains: tuple[int, int], no_torn_segments: None
-) -> Iterator[Callable[..., Process]]:
-    """Return a function that starts ``python ARGUMENTS``; all are ended with the test."""
+def processes(no_torn_segments: None) -> Iterator[list[Process]]:
+    """Return a list of processes, which are ended with the test."""
     started: list[Process] = []
-
-    def start_one(*arguments: str, **extra: Any) -> Process:
-        environment = {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(domains[0]),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_PYTHON_CHECK_FIELDS": "1",
-            "PYTHONPATH": str(REPOSITORY),
-            "PYTHONUNBUFFERED": "1",
-            **extra,
-        }
-        process = Process(list(arguments), tmp_path, len(started), environment)
-        started.append(process)
-        return process
-
-    yield start_one
+    yield started
     for process in started:
         process.kill()
 
 
+def environment_on(domain: int) -> dict[str, str]:
+    """Return the environment of a process on a ROS domain."""
+    return {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_PYTHON_CHECK_FIELDS": "1",
+        "PYTHONPATH": str(REPOSITORY),
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
 @pytest.fixture
-def node(start: Callable[..., Process]) -> Callable[..., Process]:
-    """Return a function that starts a node by its name."""
-    return lambda name, *arguments, **extra: start(*program(name)[1:], *arguments, **extra)
+def start(
+    tmp_path: Path, domains: tuple[int, int], processes: list[Process]
+) -> Callable[..., Process]:
+    """Return a function that starts ``python ARGUMENTS``."""
+
+    def start_python(
+        *arguments: str, preparation: Callable[[], None] | None = None, **variables: str
+    ) -> Process:
+        log = tmp_path / f"{len(processes)}.log"
+        with log.open("w") as output:
+            process = subprocess.Popen(
+                [sys.executable, *arguments],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                cwd=tmp_path,
+                env=environment_on(domains[0]) | variables,
+                preexec_fn=preparation,
+            )
+        processes.append(Process(process, log))
+        return processes[-1]
+
+    return start_python
+
+
+@pytest.fixture
+def node(
+    tmp_path: Path,
+    domains: tuple[int, int],
+    processes: list[Process],
+    start: Callable[..., Process],
+    fork_server: Callable[[str, dict[str, str]], ForkServer],
+) -> Callable[..., Process]:
+    """Return a function that starts a node by its name.
+
+    A process that has loaded the node forks, unless the process is to have variables of its own
+    or a preparation: then the program starts.
+    """
+
+    def start_node(name: str, *arguments: str, **extra: Any) -> Process:
+        if extra:
+            return start(*program(name)[1:], *arguments, **extra)
+        log, environment = tmp_path / f"{len(processes)}.log", environment_on(domains[0])
+        server = fork_server(name, environment)
+        processes.append(Process(server.start([*arguments], environment, log, tmp_path), log))
+        return processes[-1]
+
+    return start_node
 
 
 @pytest.fixture
