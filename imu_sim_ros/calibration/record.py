@@ -124,13 +124,13 @@ class Record:
         """Return rate, jitter and losses."""
         clock = self._clock
         return Timing(
-            1e9 / clock.interval_ns,
-            clock.jitter_ns * 1e-9,
-            clock.lost,
-            clock.pauses,
-            clock.longest_pause_ns * 1e-9,
-            clock.duplicates,
-            tuple(clock.remarks()),
+            rate=1e9 / clock.interval_ns,
+            jitter=clock.jitter_ns * 1e-9,
+            lost=clock.lost,
+            gaps=clock.pauses,
+            longest_gap=clock.longest_pause_ns * 1e-9,
+            duplicates=clock.duplicates,
+            remarks=tuple(clock.remarks()),
         )
 
     @property

@@ -179,7 +179,14 @@ def dask(client: "Client", worker_timeout: float = 60.0) -> Engine:
         try:
             # The scheduler blames all tasks that the worker had; alone, one has its attempts.
             restarts = max(plan.options.retries, 1)
-            pool = _Workers(executor, width, KilledWorker, restarts, True, check)
+            pool = _Workers(
+                executor=executor,
+                width=width,
+                death=KilledWorker,
+                restarts=restarts,
+                isolate_suspects=True,
+                check=check,
+            )
             yield from _run(plan, todo, folder, pool)
         except (OSError, CancelledError):  # of the connection: a worker's errors are in its rows
             raise MachineError(

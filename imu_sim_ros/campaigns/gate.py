@@ -126,7 +126,13 @@ def _requirement(line: str, metrics: Sequence[str], axes: Sequence[Axis]) -> Req
     if problems:
         raise ConfigurationError(problems)
     return Requirement(
-        line.strip(), metric, statistic, match["operator"], limit, filters, done_only
+        text=line.strip(),
+        metric=metric,
+        statistic=statistic,
+        operator=match["operator"],
+        limit=limit,
+        filters=filters,
+        done_only=done_only,
     )
 
 

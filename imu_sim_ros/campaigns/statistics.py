@@ -221,7 +221,11 @@ class Shift(NamedTuple):
 
 
 NO_SHIFT: Final = Shift(
-    ConfidenceInterval(None, None, None), 0, None, None, ConfidenceInterval(None, None, None)
+    centre=ConfidenceInterval(None, None, None),
+    sign=0,
+    p=None,
+    p_beyond=None,
+    simultaneous=ConfidenceInterval(None, None, None),
 )
 """Shift of an empty set of differences."""
 
@@ -259,14 +263,16 @@ def shift(differences: Array, margin: float = 0.0, comparisons: int = 1) -> Shif
     centre = interval(1.0 - CONFIDENCE)
     together = interval((1.0 - CONFIDENCE) / comparisons)
     if n < _MIN_PAIRS:
-        return Shift(centre, int(np.sign(middle)), None, None, together)
+        return Shift(
+            centre=centre, sign=int(np.sign(middle)), p=None, p_beyond=None, simultaneous=together
+        )
     beyond = min(_tails(d - margin)[1], _tails(d + margin)[0])
     return Shift(
-        centre,
-        int(np.sign(middle)),
-        min(2.0 * min(_tails(d)), 1.0),
-        min(2.0 * beyond, 1.0),
-        together,
+        centre=centre,
+        sign=int(np.sign(middle)),
+        p=min(2.0 * min(_tails(d)), 1.0),
+        p_beyond=min(2.0 * beyond, 1.0),
+        simultaneous=together,
     )
 
 

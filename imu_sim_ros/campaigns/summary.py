@@ -87,13 +87,13 @@ class Group(NamedTuple):
             missing = requested - len(values)
             value = statistic(np.array(values), requirement.statistic).value
         return RequirementCheck(
-            requirement.text,
-            self.cell,
-            self.estimator,
-            value,
-            requested,
-            missing,
-            requirement.holds(value) and not missing,
+            requirement=requirement.text,
+            cell=self.cell,
+            estimator=self.estimator,
+            value=value,
+            runs=requested,
+            missing=missing,
+            met=requirement.holds(value) and not missing,
         )
 
 

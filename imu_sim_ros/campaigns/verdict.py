@@ -405,11 +405,11 @@ def failures(groups: Sequence[Group]) -> list[Failure]:
     """Return the failures, the most frequent reason first."""
     reasons = [
         Failure(
-            group.cell,
-            group.estimator,
-            status.removeprefix("failed: "),
-            len(alike),
-            [int(row["seed"]) for row in alike[:_MAX_SEEDS]],
+            cell=group.cell,
+            estimator=group.estimator,
+            reason=status.removeprefix("failed: "),
+            runs=len(alike),
+            seeds=[int(row["seed"]) for row in alike[:_MAX_SEEDS]],
         )
         for group in groups
         for status, alike in _group_by_status(group.rows).items()
@@ -422,11 +422,11 @@ def estimate_findings(groups: Sequence[Group]) -> list[EstimateFinding]:
     """Return the mistakes that estimates show, the most frequent first."""
     findings = [
         EstimateFinding(
-            group.cell,
-            group.estimator,
-            finding,
-            len(alike),
-            [int(row["seed"]) for row in alike[:_MAX_SEEDS]],
+            cell=group.cell,
+            estimator=group.estimator,
+            finding=finding,
+            runs=len(alike),
+            seeds=[int(row["seed"]) for row in alike[:_MAX_SEEDS]],
         )
         for group in groups
         for finding, alike in _group_by_text(
@@ -446,16 +446,16 @@ def _group_standing(group: Group, rule: Criterion) -> Standing:
     values = values_of(group, rule.metric)
     done = [value for value in values.values() if value is not None and math.isfinite(value)]
     return Standing(
-        group.cell,
-        group.estimator,
-        group.labels,
-        len(group.rows),
-        group.done,
-        group.success(),
-        quantile(np.array(done), 0.5),
-        _median_with_failures(values, rule),
-        group.align,
-        group.coverage(),
+        cell=group.cell,
+        estimator=group.estimator,
+        values=group.labels,
+        runs=len(group.rows),
+        done=group.done,
+        success=group.success(),
+        median=quantile(np.array(done), 0.5),
+        with_failures=_median_with_failures(values, rule),
+        align=group.align,
+        coverage=group.coverage(),
     )
 
 
@@ -766,7 +766,15 @@ def _contest(
     where = {name: ranked[0].labels[name] for name in varying if name != factor}
     effects = [effect for effect in compared if effect is not None]
     names, unranked = ([group.labels[factor] for group in members] for members in (ranked, ideal))
-    return Contest(factor, where, names, unranked, None, effects[0], effects)
+    return Contest(
+        factor=factor,
+        where=where,
+        ranking=names,
+        unranked=unranked,
+        best=None,
+        lead=effects[0],
+        effects=effects,
+    )
 
 
 def _uncontested_groups(factor: str, members: Sequence[Group]) -> list[Group]:

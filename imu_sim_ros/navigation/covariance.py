@@ -234,13 +234,19 @@ class Covariance:
     def advance(
         self, h: float, r_wb: Matrix[float], force_b: Vector[float], rate_b: Vector[float]
     ) -> None:
-        """Propagate as :meth:`step` does, over components."""
+        """Propagate as :meth:`step` does, over components.
+
+        F is written into the transition, of which ``_of_errors``, ``_by_bias`` (G), ``_by_slow``
+        (G H) and ``_by_start`` (the transpose) are views. ``_moved`` becomes F [P C]; its parts F P
+        and F C are ``_moved_p`` and ``_moved_c``, and ``_gained_c`` the rows of F C that gain G H.
+        """
         transition, p, slow = self._transition, self.matrix, self.slow
         self._rows.pack_into(transition.data, 0, *_rows(h, r_wb, force_b))
         moved = self._of_errors.dot(self._joint, self._moved)
         if slow:
             # With G H the transition of the slow errors, whose covariance is I, P becomes
-            # F P F^T + F C (G H)^T + G H (F C)^T + G H (G H)^T: a half and its transpose.
+            # F P F^T + F C (G H)^T + G H (F C)^T + G H (G H)^T. That is B + B^T with
+            # B = [F P / 2, F C + G H / 2] [F, G H]^T, and C becomes F C + G H, decayed.
             half_gain = slow.act(self._by_bias, rate_b, force_b)
             np.add(half_gain, half_gain, self._by_slow)
             self._moved_p *= 0.5

@@ -21,7 +21,12 @@ _CONSTANT: Final = 12
 
 
 class SlowErrors:
-    """The vector a, its covariance C with the error of the state, and how it acts on readings."""
+    """Slow errors a (m,) of an IMU: Gauss-Markov processes, and errors of its response.
+
+    Each has unit variance. They change the readings by H a, with H (6, m), gyroscope first; their
+    covariance with the error of the state (n,) is C (n, m). Half of H is stored, so that a product
+    and its transpose add up to a symmetric matrix with few operations.
+    """
 
     def __init__(self, noise: TriadsParameters, size: int) -> None:
         """Start with errors that are uncorrelated with the state.
@@ -38,13 +43,13 @@ class SlowErrors:
         self.cross = np.zeros((size, self.count))
         """(n, m) covariance C of state and slow errors."""
         self._half_in_state = np.zeros((size, self.count))
-        """(n, m) H / 2 at the biases' places in the state, zero elsewhere"""
+        """(n, m) H / 2 in the rows of the biases, zero elsewhere."""
         self._half_effect = self._half_in_state[-6:]
         inputs = [_CONSTANT] * len(entries) + [source for _, source, _ in scales]
         self._inputs = np.array(inputs, np.intp)
         sigmas = [sigma for _, _, sigma in (*entries, *scales)]
         self._half_sigmas = np.zeros((6, self.count))
-        """(6, m) H / 2 where all that the errors scale with is 1"""
+        """(6, m) H / 2 if all inputs that the errors are proportional to are 1."""
         self._half_sigmas[axes, range(self.count)] = 0.5 * np.array(sigmas)
         self._has_scales = bool(scales)
         self.of_rate = np.flatnonzero(np.array(axes, dtype=np.intp) < 3)
@@ -64,7 +69,7 @@ class SlowErrors:
         return 2.0 * self._half_effect
 
     def act(self, by_bias: Array, rate_b: Vector[float], force_b: Vector[float]) -> Array:
-        """Return half of how they act on the error in an interval, G H / 2 (n - 6, m).
+        """Return G H / 2 (n - 6, m): half the effect of the errors on the state in an interval.
 
         All calls return the same array.
 
@@ -85,11 +90,14 @@ class SlowErrors:
         np.multiply(passed, self._decay, self.cross)
 
     def over(self, time: float) -> tuple[Array, Array]:
-        """Return :func:`of_mean` (m,) of a time [s]."""
+        """Return the variances (m,) of the errors' means over a time [s], and with its end.
+
+        As :func:`mean_factors`.
+        """
         return mean_factors(-self._decay_rate * time)
 
     def decay(self, time: float) -> Array:
-        """Return the remaining share of each after a time [s] (m,)."""
+        """Return the share (m,) of each error that is left after a time [s]."""
         return np.exp(self._decay_rate * time)
 
     def act_on(self, rate_b: Vector[float], force_b: Vector[float]) -> None:
@@ -105,7 +113,12 @@ class SlowErrors:
         np.multiply(self._half_sigmas, factors, self._half_effect)
 
     def add_bias(self, covariance: Array) -> None:
-        """Add the effect H a of the slow errors a on the biases to a covariance (n, n)."""
+        """Add the effect H a of the slow errors a on the biases to a covariance (n, n).
+
+        ``C H^T + H C^T + H H^T`` in the rows and columns of the biases: H a is added to the error
+        of the state x, and ``E[(x + H a) (x + H a)^T] = P + C H^T + H C^T + H H^T``.
+        """
+        # (C + H / 2) H^T and its transpose add up to all three terms.
         total = np.add(self.cross, self._half_in_state, self._total)
         half = total.dot(self._half_effect.T)
         half += half

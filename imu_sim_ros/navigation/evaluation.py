@@ -489,12 +489,12 @@ def relative_errors(estimate: States, truth: States, chosen: PosePairs) -> Relat
     turn = rotation.log(rotation.multiply(rotation.conjugate(q_truth), q_estimate))
     travelled = distances(truth.position)
     return RelativeErrors(
-        start,
-        end,
-        np.linalg.norm(p_estimate - p_truth, axis=1),
-        np.linalg.norm(turn, axis=1),
-        travelled[end] - travelled[start],
-        left_out,
+        first=start,
+        second=end,
+        translation=np.linalg.norm(p_estimate - p_truth, axis=1),
+        rotation=np.linalg.norm(turn, axis=1),
+        length=travelled[end] - travelled[start],
+        left_out=left_out,
     )
 
 

@@ -201,7 +201,11 @@ def simpson(
 def _so3_stages(
     h: Component, w0: Vector[Component], wm: Vector[Component], w1: Vector[Component]
 ) -> Stages[Component]:
-    """Return the rotation vectors at the stages of a Runge-Kutta step."""
+    """Return the attitudes at stages 2, 3, 4 and at the end of a Runge-Kutta step.
+
+    Rotation vectors are integrated, as unit quaternions are returned. They start at the identity,
+    with the rates ``w0``, ``wm`` and ``w1`` [rad/s] at the start, in the middle and at the end.
+    """
     half = 0.5 * h
     phi2 = scale(w0, half)
     k2 = _vector_rate(phi2, wm)
@@ -226,7 +230,11 @@ def _vector_rate(phi: Vector[Component], w: Vector[Component]) -> Vector[Compone
 def _quaternion_stages(
     h: Component, w0: Vector[Component], wm: Vector[Component], w1: Vector[Component]
 ) -> Stages[Component]:
-    """Return the quaternions at the stages of a Runge-Kutta step."""
+    """Return the unit quaternions at stages 2, 3, 4 and at the end of a Runge-Kutta step.
+
+    They start at the identity, with the rates ``w0``, ``wm`` and ``w1`` [rad/s] at the start, in
+    the middle and at the end of the step.
+    """
     half = 0.5 * h
     x, y, z = w0
     k1 = (0.0 * x, 0.5 * x, 0.5 * y, 0.5 * z)

@@ -8,6 +8,7 @@ one at which ``J = ln sum |dp|^2 + ln sum |dtheta|^2`` of their differences is s
 interval is that of an estimating equation, J's slope.
 """
 
+import math
 from typing import Final
 
 import numpy as np
@@ -146,7 +147,10 @@ def _chord_errors(truth: States) -> tuple[float, float]:
 
 
 def _pairs(estimate: States, truth: States, max_gap: float) -> _Pairs:
-    """Return the pairs whose truth is known at every offset examined."""
+    """Return relative poses over ``_INTERVAL`` whose truth is known at every offset examined.
+
+    :param max_gap: longest gap of the truth over which poses are interpolated [s].
+    """
     margin = round(LARGEST * 1e9)
     rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
     t_ns = estimate.t_ns[rows]
@@ -163,7 +167,7 @@ def _pairs(estimate: States, truth: States, max_gap: float) -> _Pairs:
             f"truth has to reach {LARGEST:g} s beyond {_LEAST_PAIRS} poses of the estimate on "
             "either side"
         )
-    start = start[:: -(-len(start) // _PAIRS)]
+    start = start[:: math.ceil(len(start) / _PAIRS)]
     return _Pairs(estimate, truth, rows[start], rows[behind[start]])
 
 

@@ -176,7 +176,14 @@ def faces(kind: str, number: int, site: Site, hinge: Hinge | None = None) -> tup
     :param number: number of the body, with which its looks are drawn.
     :param hinge: hinge of a door; None for other kinds.
     """
-    body_site = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)), site.seed, site.texture, site.light)
+    body_site = Site(
+        low=np.zeros(3),
+        high=np.ones(3),
+        path=np.zeros((0, 3)),
+        seed=site.seed,
+        texture=site.texture,
+        light=site.light,
+    )
     b = PlaceBuilder(body_site)
     stream = generator_at(site.seed, f"bodies.look.{kind}", number)
     if kind == "person":
@@ -295,7 +302,9 @@ class BodyPainter(Painter):
     def __init__(self, bodies: Sequence[MovingBody], site: Site) -> None:
         everything = tuple(face for body in bodies for face in body.faces)
         nowhere = np.zeros(3)
-        unlit = Place(everything, Lighting(), nowhere, nowhere, np.zeros((0, 3)))
+        unlit = Place(
+            faces=everything, lighting=Lighting(), low=nowhere, high=nowhere, route=np.zeros((0, 3))
+        )
         super().__init__(unlit, site)
         upwards = self._surfaces.normal[:, 2]
         middle = MIDDLE[site.light]

@@ -57,7 +57,14 @@ def corridor(site: Site) -> Place:
     stops = np.tile(middle, (4, 1))
     stops[:, along] = low[along] + np.array([0.03, 0.35, 0.7, 0.97]) * length
     stops[:, 2] = low[2] + min(1.5, 0.55 * height)
-    return Place(tuple(b.faces), Lighting(tuple(b.lamps)), low, high, stops, tuple(b.hinges))
+    return Place(
+        faces=tuple(b.faces),
+        lighting=Lighting(tuple(b.lamps)),
+        low=low,
+        high=high,
+        route=stops,
+        hinges=tuple(b.hinges),
+    )
 
 
 def _doors(

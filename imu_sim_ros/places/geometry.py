@@ -49,7 +49,11 @@ class Surfaces(NamedTuple):
         """Return the rectangles for which a mask (m,) is True."""
         names = tuple(self.texture[m] for m in np.flatnonzero(which))
         return Surfaces(
-            self.origin[which], self.across[which], self.up[which], self.hides[which], names
+            origin=self.origin[which],
+            across=self.across[which],
+            up=self.up[which],
+            hides=self.hides[which],
+            texture=names,
         )
 
     @property
@@ -64,22 +68,22 @@ def surfaces(rectangles: Sequence[Rectangle], hides: bool, texture: str = "wall"
     columns = np.array(rectangles, dtype=np.float64).reshape(-1, 3, 3)
     count = len(columns)
     return Surfaces(
-        columns[:, 0],
-        columns[:, 1],
-        columns[:, 2],
-        np.full(count, hides),
-        (texture,) * count,
+        origin=columns[:, 0],
+        across=columns[:, 1],
+        up=columns[:, 2],
+        hides=np.full(count, hides),
+        texture=(texture,) * count,
     )
 
 
 def join_surfaces(first: Surfaces, second: Surfaces) -> Surfaces:
     """Return the rectangles of two sets, one after the other."""
     return Surfaces(
-        np.concatenate([first.origin, second.origin]),
-        np.concatenate([first.across, second.across]),
-        np.concatenate([first.up, second.up]),
-        np.concatenate([first.hides, second.hides]),
-        first.texture + second.texture,
+        origin=np.concatenate([first.origin, second.origin]),
+        across=np.concatenate([first.across, second.across]),
+        up=np.concatenate([first.up, second.up]),
+        hides=np.concatenate([first.hides, second.hides]),
+        texture=first.texture + second.texture,
     )
 
 

@@ -195,7 +195,7 @@ class Sights(NamedTuple):
         """
         across, up = (places - start) * sides
         away = np.sqrt(across * across + up * up + height * height)
-        return cls(places[0], places[1], across, up, height, away)
+        return cls(s=places[0], r=places[1], across=across, up=up, height=height, away=away)
 
     def some(self, rows: Integers) -> "Sights":
         """Return the sights of the rows (q,) of an index."""
@@ -264,13 +264,13 @@ class Sheen(NamedTuple):
     def empty(cls, regions: int, faces: int, sources: int, colours: int) -> "Sheen":
         """Return records and arrays of zeros for some regions, faces, sources and colours."""
         return cls(
-            np.zeros(regions, _REGION),
-            np.zeros((regions, sources), np.float32),
-            np.zeros(faces, _FACE),
-            np.zeros(sources, _SOURCE),
-            np.zeros((faces, sources), _SIGHT),
-            np.zeros(0, np.float32),
-            np.zeros((3, colours), np.float32),
+            regions=np.zeros(regions, _REGION),
+            floor=np.zeros((regions, sources), np.float32),
+            faces=np.zeros(faces, _FACE),
+            sources=np.zeros(sources, _SOURCE),
+            sights=np.zeros((faces, sources), _SIGHT),
+            light=np.zeros(0, np.float32),
+            mirrored=np.zeros((3, colours), np.float32),
         )
 
 
@@ -483,17 +483,17 @@ class _Sources(NamedTuple):
         sizes = shapes.prod(axis=1) * len(offsets)
         brightest = np.array([source.max(axis=(1, 2)) for source in light.sources], np.float32)
         return cls(
-            np.array(local, np.float32).swapaxes(1, 2),
-            np.ascontiguousarray(axes, np.float32),
-            (0.5 * lengths.T).astype(np.float32),
-            place.surfaces().sides.T.astype(np.float32),
-            np.array([1.0] * len(lamps) + [0.0], np.float32),
-            (weights @ colours.T) * _FULL,
-            np.concatenate([source.ravel() for source in light.sources]),
-            np.cumsum(sizes) - sizes,
-            shapes,
-            2 * brightest,  # twice: at a slant, lobes are brighter
-            colours.max(axis=1),
+            place=np.array(local, np.float32).swapaxes(1, 2),
+            axes=np.ascontiguousarray(axes, np.float32),
+            halves=(0.5 * lengths.T).astype(np.float32),
+            sides=place.surfaces().sides.T.astype(np.float32),
+            near=np.array([1.0] * len(lamps) + [0.0], np.float32),
+            colour=(weights @ colours.T) * _FULL,
+            light=np.concatenate([source.ravel() for source in light.sources]),
+            first=np.cumsum(sizes) - sizes,
+            shapes=shapes,
+            most=2 * brightest,  # twice: at a slant, lobes are brighter
+            brightest=colours.max(axis=1),
         )
 
     def near_lobe(

@@ -122,7 +122,7 @@ class _Points(NamedTuple):
         normals = where.normal.astype(np.float32)[surface]
         first = np.cumsum(shapes.prod(axis=1)) - shapes.prod(axis=1)
         positions = np.concatenate(places).astype(np.float32) + _OFF * normals
-        return cls(positions, normals, surface, shapes, first)
+        return cls(places=positions, normals=normals, surface=surface, shapes=shapes, first=first)
 
     def of(self, m: int, values: Single) -> Single:
         """Return the values (..., rows, columns) of surface m out of those (..., n) of all."""

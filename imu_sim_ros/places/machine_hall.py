@@ -72,7 +72,7 @@ def machine_hall(site: Site) -> Place:
         (0.08, 0.68),
     ]
     route = np.array([(x0 + a * u, y0 + c * v, height) for a, c in stops])
-    return Place(tuple(b.faces), lit(b), site.low, site.high, route)
+    return Place(faces=tuple(b.faces), lighting=lit(b), low=site.low, high=site.high, route=route)
 
 
 def _add_standing_box(

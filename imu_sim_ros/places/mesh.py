@@ -114,6 +114,8 @@ class MeshCaster:
     def meet(self, origins: Array, directions: Floats) -> Meeting:
         """Return the nearest intersection of each ray.
 
+        Embree's distances have single precision; those from the triangles' planes have double.
+
         :param origins: (n, 3), or (1, 3) for all [m].
         :param directions: (n, 3) of any length.
         """
@@ -129,9 +131,9 @@ class MeshCaster:
         single = hits["tfar"].astype(np.float64)
         with np.errstate(divide="ignore", invalid="ignore"):
             distance /= along
-            # Where a ray runs along the triangle its plane says nothing.
-            odd = ~(np.abs(distance - single) <= _AGREE * single)
-        np.copyto(distance, single, where=odd)
+            # Along a ray that is nearly parallel to the triangle, its plane determines no distance.
+            disagrees = ~(np.abs(distance - single) <= _AGREE * single)
+        np.copyto(distance, single, where=disagrees)
         distance[nothing] = np.inf
         return Meeting(Hits(distance, number), along)
 

@@ -93,7 +93,15 @@ def mesh_of_rectangles(origin: Array, across: Array, up: Array) -> Mesh:
     places = np.zeros((2 * count, 3, 2), np.float32)
     colours = np.full((2 * count, 3, 3), 255, np.uint8)
     untextured = np.full(2 * count, -1, np.int32)
-    return Mesh(corners.reshape(-1, 3), faces, places, untextured, (), colours, painted=False)
+    return Mesh(
+        vertices=corners.reshape(-1, 3),
+        faces=faces,
+        places=places,
+        texture=untextured,
+        textures=(),
+        colours=colours,
+        painted=False,
+    )
 
 
 def areas(mesh: Mesh) -> Array:
@@ -352,7 +360,14 @@ class _Part(NamedTuple):
         if np.linalg.det(place[:3, :3]) < 0.0:  # a mirror
             faces, places, colours = faces[:, ::-1], places[:, ::-1], colours[:, ::-1]
         number = -1 if image is None else textures.number(image)
-        return cls(vertices, faces, places, number, colours, painted)
+        return cls(
+            vertices=vertices,
+            faces=faces,
+            places=places,
+            texture=number,
+            colours=colours,
+            painted=painted,
+        )
 
 
 def _look(
@@ -426,18 +441,28 @@ def _join(parts: Sequence[_Part], textures: tuple[Bytes, ...]) -> Mesh:
     numbers = [np.full(len(part.faces), part.texture, np.int32) for part in parts]
     if len(parts) == 1:
         vertices, faces, places, _, colours, painted = parts[0]
-        return Mesh(vertices, faces, places, numbers[0], textures, colours, painted)
+        return Mesh(
+            vertices=vertices,
+            faces=faces,
+            places=places,
+            texture=numbers[0],
+            textures=textures,
+            colours=colours,
+            painted=painted,
+        )
     starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])]).astype(np.int32)
     count = sum(len(part.faces) for part in parts)
     nowhere: Single = np.broadcast_to(np.zeros(2, np.float32), (count, 3, 2))
     return Mesh(
-        np.concatenate([part.vertices for part in parts]),
-        np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]),
-        np.concatenate([part.places for part in parts]) if textures else nowhere,
-        np.concatenate(numbers),
-        textures,
-        np.concatenate([part.colours for part in parts]),
-        any(part.painted for part in parts),
+        vertices=np.concatenate([part.vertices for part in parts]),
+        faces=np.concatenate(
+            [part.faces + start for part, start in zip(parts, starts, strict=True)]
+        ),
+        places=np.concatenate([part.places for part in parts]) if textures else nowhere,
+        texture=np.concatenate(numbers),
+        textures=textures,
+        colours=np.concatenate([part.colours for part in parts]),
+        painted=any(part.painted for part in parts),
     )
 
 

@@ -73,12 +73,12 @@ def office(site: Site) -> Place:
         wall_decoration(b, sides[side])
         signs(b, sides[side], 0.5, OFFICE_SIGNS)
     return Place(
-        tuple(b.faces),
-        lit(b),
-        site.low,
-        site.high,
-        np.array([*x_low, *stops, *x_high]),
-        tuple(b.hinges),
+        faces=tuple(b.faces),
+        lighting=lit(b),
+        low=site.low,
+        high=site.high,
+        route=np.array([*x_low, *stops, *x_high]),
+        hinges=tuple(b.hinges),
     )
 
 

@@ -230,7 +230,7 @@ class PlaceBuilder:
 
     def _standing_before(self, wall: int) -> tuple[Array, Array]:
         """Return lower and upper corners (n, 2) of the parts of a wall that faces cover [m]."""
-        sides = np.array([face.rectangle for face in self.faces])
+        sides = np.array([face.rectangle for face in self.faces])  # (faces, origin and sides, 3)
         origin, across, up = sides[wall]
         axes = [axis / np.sqrt(axis @ axis) for axis in (across, up, np.cross(across, up))]
         origins, widths, heights = sides[:, 0], sides[:, 1], sides[:, 2]

@@ -131,7 +131,13 @@ class _Bundles(NamedTuple):
         starts = np.flatnonzero(np.diff(number[order], prepend=-1))
         in_order = projected.take(order, axis=1)
         low, high = (f.reduceat(in_order, starts, axis=1) for f in (np.minimum, np.maximum))
-        return cls(order, starts, np.diff(starts, append=len(order)), low - _SLACK, high + _SLACK)
+        return cls(
+            order=order,
+            first=starts,
+            sizes=np.diff(starts, append=len(order)),
+            low=low - _SLACK,
+            high=high + _SLACK,
+        )
 
     def pairs(self, low: Single, high: Single) -> Iterator[tuple[Integers, Integers]]:
         """Yield numbers of places and of rectangles (k,) in the same directions, not behind them.

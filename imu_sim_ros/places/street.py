@@ -65,8 +65,10 @@ def street(site: Site) -> Place:
     height = math.sqrt(0.5)
     to_sun = (round(0.5 * height * 2**0.5, 9), 0.5, round(height, 9))
     colour = (2.2 * SUN[0], 2.2 * SUN[1], 2.2 * SUN[2]) if sun else (0.0, 0.0, 0.0)
-    lighting = Lighting(tuple(b.lamps), to_sun, colour, (), _RADIANCE[site.light])
-    return Place(tuple(b.faces), lighting, low, high, stops)
+    lighting = Lighting(
+        lamps=tuple(b.lamps), to_sun=to_sun, sun=colour, windows=(), sky=_RADIANCE[site.light]
+    )
+    return Place(faces=tuple(b.faces), lighting=lighting, low=low, high=high, route=stops)
 
 
 def _span(

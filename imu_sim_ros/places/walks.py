@@ -243,26 +243,37 @@ class _Walkers:
         return None
 
     def _possible_legs(self, clear: Mask) -> Mask:
-        """Return True for legs (stops, stops, knots) that may begin at a knot."""
+        """Return True for legs (stops, stops, knots) that may begin at a knot.
+
+        :param clear: (knots, cells) True where a cell is far enough from other bodies.
+        """
         count = len(self._stops)
-        result = np.zeros((count * count, _KNOTS), np.bool_)
+        is_possible = np.zeros((count * count, _KNOTS), np.bool_)
+        # (start, step): the knot at each step of a leg; a course repeats after the last knot.
         knots = (np.arange(_KNOTS)[:, None] + 1 + np.arange(_KNOTS // 2)) % _KNOTS
-        for k, cells in enumerate(self._along):
+        for leg, cells in enumerate(self._along):
             if 0 < len(cells) <= _KNOTS // 2:
-                result[k] = clear[knots[:, : len(cells)], cells].all(axis=1)
-        return result.reshape(count, count, _KNOTS)
+                is_possible[leg] = clear[knots[:, : len(cells)], cells].all(axis=1)
+        return is_possible.reshape(count, count, _KNOTS)
 
     def _homewards(self, home: int, go: Mask, stay: Mask) -> Mask:
-        """Return True for stops (knots + 1, stops) from which a body can be home in time."""
+        """Return True for stops (knots + 2, stops) from which a body can be home in time.
+
+        The last row is False: a leg that ends there arrives too late.
+
+        :param home: number of the stop at which the body must be at the last knot.
+        :param go: (stops, stops, knots) True for legs that may begin at a knot.
+        :param stay: (knots, stops) True where a body may stand.
+        """
         count = len(self._stops)
-        result = np.zeros((_KNOTS + 2, count), np.bool_)
-        result[_KNOTS, home] = stay[0, home]
+        can_return = np.zeros((_KNOTS + 2, count), np.bool_)
+        can_return[_KNOTS, home] = stay[0, home]
         stops = np.arange(count)
         for k in range(_KNOTS - 1, -1, -1):
             arrival = np.minimum(k + self._lengths, _KNOTS + 1)
-            leads = (go[:, :, k] & result[arrival, stops[None, :]]).any(axis=1)
-            result[k] = leads | (stay[(k + 1) % _KNOTS] & result[k + 1])
-        return result
+            by_leg = (go[:, :, k] & can_return[arrival, stops[None, :]]).any(axis=1)
+            can_return[k] = by_leg | (stay[(k + 1) % _KNOTS] & can_return[k + 1])
+        return can_return
 
     def _draw_course(
         self,
@@ -272,7 +283,12 @@ class _Walkers:
         homewards: Mask,
         stream: np.random.Generator,
     ) -> Course | None:
-        """Return a course from a stop to others and back; None: it would stand all the time."""
+        """Return a course from a stop to others and back; None: it would stand all the time.
+
+        :param go: as returned by :meth:`_possible_legs`.
+        :param stay: (knots, stops) True where the body may stand.
+        :param homewards: as returned by :meth:`_homewards`.
+        """
         stop, stops = home, np.arange(len(self._stops))
         line: list[Array] = []
         pause = int(stream.integers(*_PAUSE))
@@ -296,11 +312,11 @@ class _Walkers:
         return Course(controls, turns)
 
     def _way(self, start: int, end: int) -> Array:
-        """Return places (n, 2) a knot apart between two stops, without the first."""
-        part = [int(self._stops[end])]
-        while part[-1] != self._stops[start]:
-            part.append(int(self._before[start][part[-1]]))
-        line = self._floor.places[part[::-1]]
+        """Return places (n, 2) a knot apart on the way between two stops, without the first."""
+        cells = [int(self._stops[end])]  # of the floor, from the end back to the start
+        while cells[-1] != self._stops[start]:
+            cells.append(int(self._before[start][cells[-1]]))
+        line = self._floor.places[cells[::-1]]
         if len(line) < 2:
             return np.zeros((0, 2))
         padded = np.concatenate([line[[0, 0]], line, line[[-1, -1]]])

@@ -52,7 +52,13 @@ def warehouse(site: Site) -> Place:
         b.add_prints(sides[side], [*band, Print("exit", 0.5 * (x1 - x0), 2.3, 0.6, 0.3)])
         signs(b, sides[side], 0.9, cables=2.75)
     _roof(b)
-    return Place(tuple(b.faces), Lighting(tuple(b.lamps)), site.low, site.high, np.array(stops))
+    return Place(
+        faces=tuple(b.faces),
+        lighting=Lighting(tuple(b.lamps)),
+        low=site.low,
+        high=site.high,
+        route=np.array(stops),
+    )
 
 
 def _row(b: PlaceBuilder, y: float, stream: np.random.Generator) -> None:

@@ -152,7 +152,15 @@ def topic(
 
         return payloads
 
-    return Topic(name, type_name, flags, make, truth, foreign, sent)
+    return Topic(
+        name=name,
+        type=type_name,
+        flags=flags,
+        payloads=make,
+        truth=truth,
+        foreign=foreign,
+        sent=sent,
+    )
 
 
 def import_on_call(module: str, name: str) -> Callable[..., Any]:

@@ -162,13 +162,13 @@ class SampleTiming:
         """
         self.position = first + len(true_t_ns)
         return Samples(
-            true_t_ns,
-            self._stamps(true_t_ns),
-            self._releases(first, true_t_ns),
-            self._delivered_rows(first, len(true_t_ns)),
-            values,
-            first,
-            self._span_ns,
+            true_t_ns=true_t_ns,
+            t_ns=self._stamps(true_t_ns),
+            release_t_ns=self._releases(first, true_t_ns),
+            delivered=self._delivered_rows(first, len(true_t_ns)),
+            values=values,
+            first=first,
+            span_ns=self._span_ns,
         )
 
     def steady_stamps(self, start: int, times: Sequence[int]) -> list[int] | None:

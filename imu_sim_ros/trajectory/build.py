@@ -198,12 +198,12 @@ class Retimed:
         p, v, a, q_wb, omega, alpha = self.inner.sample(u[:, 0])
         square = rate * rate
         return Motion(
-            p,
-            rate * v,
-            square * a + acceleration * v,
-            q_wb,
-            rate * omega,
-            square * alpha + acceleration * omega,
+            position=p,
+            velocity=rate * v,
+            acceleration=square * a + acceleration * v,
+            q_wb=q_wb,
+            angular_velocity=rate * omega,
+            angular_acceleration=square * alpha + acceleration * omega,
         )
 
 

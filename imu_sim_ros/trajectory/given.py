@@ -256,14 +256,14 @@ class Differentiated:
         turn = rotation.log(rotation.multiply(rotation.conjugate(q[0]), q[1:]))
         d1, d2 = _weights((t - middle) / STEP)
         return Motion(
-            p[0],
-            np.einsum("kn,kni->ni", d1, p[1:] - p[0]),
-            np.einsum("kn,kni->ni", d2, p[1:] - p[0]),
-            q[0],
+            position=p[0],
+            velocity=np.einsum("kn,kni->ni", d1, p[1:] - p[0]),
+            acceleration=np.einsum("kn,kni->ni", d2, p[1:] - p[0]),
+            q_wb=q[0],
             # The turn is 0 at t itself, so that its right Jacobian is the identity there, and the
             # Jacobian's derivative falls out of the angular acceleration: phi' x phi' = 0.
-            np.einsum("kn,kni->ni", d1, turn),
-            np.einsum("kn,kni->ni", d2, turn),
+            angular_velocity=np.einsum("kn,kni->ni", d1, turn),
+            angular_acceleration=np.einsum("kn,kni->ni", d2, turn),
         )
 
 

@@ -85,7 +85,7 @@ class VibrationParameters:
     seed: int = integer(0, "seed of the noise", minimum=0, maximum=2**63 - 1)
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield what does not fit together."""
+        """Yield a line for each list of a wrong length, and for a band without width."""
         count = len(self.frequency)
         for name, entries, may_be_empty in (
             ("acceleration", self.acceleration, bool(self.angular_rate)),

@@ -174,14 +174,16 @@ def _csv(path: Path, bad: BadRows) -> _Points:
             if len(cells) != len(header):
                 bad.note(COLUMNS, number, f"{len(cells)} columns; must be {len(header)}")
                 continue
-            x_column, y_column, up, time = columns
+            x_column, y_column, height_column, time_column = columns
             t = math.nan
-            if time >= 0:
+            if time_column >= 0:
                 try:
-                    t = number_of(cells[time])
+                    t = number_of(cells[time_column])
                 except ValueError:
-                    bad.note(STAMPS, number, f"time {shorten_word(cells[time])}: not a number [s]")
-            height = cells[up] if up >= 0 else ""
+                    bad.note(
+                        STAMPS, number, f"time {shorten_word(cells[time_column])}: not a number [s]"
+                    )
+            height = cells[height_column] if height_column >= 0 else ""
             rows.append(_Row(number, cells[x_column], cells[y_column], height, t))
         bad.rows, bad.good = bad.count, len(rows)
         bad.give_up()

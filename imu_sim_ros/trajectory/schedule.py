@@ -162,7 +162,13 @@ def _way(path: Path, p: DriveParameters) -> _Way:
     square = np.minimum(p.lateral_limit / curvature, (p.heading_rate_limit / curvature) ** 2)
     s = np.concatenate([[0.0], np.cumsum(steps)])
     square = np.minimum(square, p.speed_limit**2)
-    return _Way(u, s, 1.0 / size, square, np.searchsorted(u, path.waypoint_u))
+    return _Way(
+        u=u,
+        s=s,
+        slope=1.0 / size,
+        square=square,
+        waypoint_index=np.searchsorted(u, path.waypoint_u),
+    )
 
 
 def _limit_speeds(way: _Way, p: DriveParameters, speeds: Array, waits: Array) -> Array:

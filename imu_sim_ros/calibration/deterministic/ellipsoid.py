@@ -164,13 +164,13 @@ def _summary(
         change = change / scale
     spread = np.einsum("aij,ab,bij->ij", change, covariance[:6, :6], change)
     return Ellipsoid(
-        shape / scale,
-        np.sqrt(np.maximum(spread, 0.0)),
-        bias * size,
-        np.sqrt(np.diag(covariance)[6:]) * size,
-        field,
-        fit.residuals * field,
-        float(np.sqrt(variance)) * size,
+        soft_iron=shape / scale,
+        soft_iron_sigma=np.sqrt(np.maximum(spread, 0.0)),
+        hard_iron=bias * size,
+        hard_iron_sigma=np.sqrt(np.diag(covariance)[6:]) * size,
+        field=field,
+        residuals=fit.residuals * field,
+        noise=float(np.sqrt(variance)) * size,
     )
 
 

@@ -140,7 +140,13 @@ def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> Nor
     residuals = gravity - norms
     # A walk of the bias acts along the direction of each rest.
     slope = force @ inverse / norms[:, None]
-    data = Observations(jacobian, residuals, sigma, steady.time, np.zeros(len(residuals)))
+    data = Observations(
+        inputs=jacobian,
+        readings=residuals,
+        sigma=sigma,
+        time=steady.time,
+        temperature=np.zeros(len(residuals)),
+    )
     weight = likely_whitener(data, jacobian, slope @ slope.T)
     whitened = weight @ jacobian
     change = np.linalg.lstsq(whitened, weight @ residuals, rcond=None)[0]
@@ -158,12 +164,12 @@ def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> Nor
     lengths = np.linalg.norm(force, axis=1, keepdims=True)
     plain = (lengths[:, 0] - gravity) / sigma
     return NormFit(
-        scale,
-        np.sqrt(np.maximum(np.triu(spread), 0.0)),
-        bias,
-        np.sqrt(np.diag(covariance)[6:]),
-        force * (gravity / lengths),
-        float(plain @ plain),
+        scale_misalignment=scale,
+        scale_misalignment_sigma=np.sqrt(np.maximum(np.triu(spread), 0.0)),
+        bias=bias,
+        bias_sigma=np.sqrt(np.diag(covariance)[6:]),
+        force=force * (gravity / lengths),
+        misfit=float(plain @ plain),
     )
 
 

@@ -151,19 +151,19 @@ def _fit_norm(norm: NormFit, steady: Steady, reason: str) -> SixPosition:
     ]
     residuals = steady.accel - (norm.force @ norm.scale_misalignment.T + norm.bias)
     return SixPosition(
-        norm.scale_misalignment,
-        norm.scale_misalignment_sigma,
-        norm.bias,
-        norm.bias_sigma,
-        np.array([axis.bias[0] for axis in gyro]),
-        np.array([axis.bias_sigma[0] for axis in gyro]),
-        steady,
-        nearest_faces(steady.accel)[0],
-        residuals,
-        residuals,
-        NORM,
-        reason,
-        0,
+        scale_misalignment=norm.scale_misalignment,
+        scale_misalignment_sigma=norm.scale_misalignment_sigma,
+        bias=norm.bias,
+        bias_sigma=norm.bias_sigma,
+        gyroscope_bias=np.array([axis.bias[0] for axis in gyro]),
+        gyroscope_bias_sigma=np.array([axis.bias_sigma[0] for axis in gyro]),
+        positions=steady,
+        faces=nearest_faces(steady.accel)[0],
+        residuals=residuals,
+        misfit=residuals,
+        fixture=NORM,
+        reason=reason,
+        left_out=0,
     )
 
 
@@ -192,19 +192,21 @@ def _solve_exactly(
         for k in range(3)
     ]
     return SixPosition(
-        np.array([_row(axis.gain, k, simple) for k, axis in enumerate(axes)]),
-        np.array([_row(axis.gain_sigma, k, simple) for k, axis in enumerate(axes)]),
-        np.array([axis.bias[0] for axis in axes]),
-        np.array([axis.bias_sigma[0] for axis in axes]),
-        np.array([axis.bias[0] for axis in gyro]),
-        np.array([axis.bias_sigma[0] for axis in gyro]),
-        positions,
-        faces,
-        _residuals(axes, faces, simple),
-        _misfit(axes, force, positions, simple),
-        EXACT,
-        reason,
-        int(np.count_nonzero(~used)),
+        scale_misalignment=np.array([_row(axis.gain, k, simple) for k, axis in enumerate(axes)]),
+        scale_misalignment_sigma=np.array(
+            [_row(axis.gain_sigma, k, simple) for k, axis in enumerate(axes)]
+        ),
+        bias=np.array([axis.bias[0] for axis in axes]),
+        bias_sigma=np.array([axis.bias_sigma[0] for axis in axes]),
+        gyroscope_bias=np.array([axis.bias[0] for axis in gyro]),
+        gyroscope_bias_sigma=np.array([axis.bias_sigma[0] for axis in gyro]),
+        positions=positions,
+        faces=faces,
+        residuals=_residuals(axes, faces, simple),
+        misfit=_misfit(axes, force, positions, simple),
+        fixture=EXACT,
+        reason=reason,
+        left_out=int(np.count_nonzero(~used)),
     )
 
 
@@ -242,7 +244,13 @@ def observations(
 ) -> Observations:
     """Return the readings of one axis of a triad; readings and sigma are (m, 3)."""
     t = np.zeros(len(inputs)) if temperature is None else temperature
-    return Observations(inputs, readings[:, axis], sigma[:, axis], steady.time, t)
+    return Observations(
+        inputs=inputs,
+        readings=readings[:, axis],
+        sigma=sigma[:, axis],
+        time=steady.time,
+        temperature=t,
+    )
 
 
 def _row(values: Array, k: int, simple: bool) -> Array:

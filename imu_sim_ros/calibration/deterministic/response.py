@@ -266,13 +266,13 @@ def _summary(
     units = span**-orders
     parameters = parameters * units
     return AxisResponse(
-        parameters[:p],
-        parameters[p : p + b],
-        parameters[p + b :],
-        covariance * np.outer(units, units),
-        residuals,
-        chi_square,
-        total + q * float(np.log(n)),
+        gain=parameters[:p],
+        bias=parameters[p : p + b],
+        scale=parameters[p + b :],
+        covariance=covariance * np.outer(units, units),
+        residuals=residuals,
+        chi_square=chi_square,
+        criterion=total + q * float(np.log(n)),
     )
 
 

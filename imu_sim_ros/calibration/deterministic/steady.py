@@ -205,4 +205,12 @@ def _summarise(
     begin = t_ns[[a * size for _, a, _ in pieces]]
     end = t_ns[[min(b * size, last_index) for _, _, b in pieces]]
     stretch = np.array([number for number, _, _ in pieces], dtype=np.int64)
-    return Steady(stretch, begin, end, means[:, :3], means[:, 3:], sigma[:, :3], sigma[:, 3:])
+    return Steady(
+        stretch=stretch,
+        begin_ns=begin,
+        end_ns=end,
+        gyro=means[:, :3],
+        accel=means[:, 3:],
+        gyro_sigma=sigma[:, :3],
+        accel_sigma=sigma[:, 3:],
+    )

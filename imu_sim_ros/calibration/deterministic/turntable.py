@@ -83,15 +83,15 @@ def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntabl
     gain = np.array([axis.gain for axis in axes])
     sigma = np.array([axis.gain_sigma for axis in axes])
     return Turntable(
-        gain[:, :3],
-        sigma[:, :3],
-        np.array([axis.bias[0] for axis in axes]),
-        np.array([axis.bias_sigma[0] for axis in axes]),
-        gain[:, 3:] if with_force else None,
-        sigma[:, 3:] if with_force else None,
-        steady,
-        rate,
-        np.array([axis.residuals for axis in axes]).T,
+        scale_misalignment=gain[:, :3],
+        scale_misalignment_sigma=sigma[:, :3],
+        bias=np.array([axis.bias[0] for axis in axes]),
+        bias_sigma=np.array([axis.bias_sigma[0] for axis in axes]),
+        g_sensitivity=gain[:, 3:] if with_force else None,
+        g_sensitivity_sigma=sigma[:, 3:] if with_force else None,
+        stretches=steady,
+        rate=rate,
+        residuals=np.array([axis.residuals for axis in axes]).T,
     )
 
 

@@ -163,15 +163,15 @@ def analyse(
     ]
     deviation = rest.deviations.result()
     return AllanResult(
-        timing,
-        rest.samples / timing.rate,
-        deviation._replace(tau=deviation.size / timing.rate),
-        tuple(noise),
-        tuple(bands),
-        record.mean,
-        model,
-        tuple(warnings),
-        {AXES[k]: reason for k, reason in reasons.items()},
+        timing=timing,
+        duration=rest.samples / timing.rate,
+        deviation=deviation._replace(tau=deviation.size / timing.rate),
+        noise=tuple(noise),
+        bands=tuple(bands),
+        mean=record.mean,
+        model=model,
+        warnings=tuple(warnings),
+        reasons={AXES[k]: reason for k, reason in reasons.items()},
     )
 
 
@@ -222,10 +222,14 @@ def _accumulate(
 def _drop_ramp(
     noise: AxisNoise, decays: Sequence[Transient], rate: float, longest: float
 ) -> AxisNoise:
-    """Return the estimates of an axis whose warm-up may be partly a ramp, or vice versa.
+    """Return the estimates of an axis with removed transients: without a value of the ramp.
 
-    :param decays: transients that were removed from the readings.
-    :param longest: the longest piece [s].
+    A slow transient and a ramp look alike, so the upper bound of the ramp grows by the steepest
+    slope of a transient in the middle of a piece of length T, ``size / tau exp(-T / (2 tau))``.
+
+    :param decays: transients that were removed from the readings; ``tau`` in samples.
+    :param rate: samples per second [Hz].
+    :param longest: length T of the longest piece [s].
     """
     slopes = [
         abs(decay.size)

@@ -97,7 +97,11 @@ class DeviationAccumulator:
         """Samples of the piece so far."""
 
     def add(self, y: Array) -> None:
-        """Add the next readings (n, axes) of the piece."""
+        """Add the next readings (n, axes) of the piece.
+
+        Second differences over short clusters are summed at once; for longer ones the phases, the
+        running sums of the readings, are stored until the piece ends.
+        """
         for start in range(0, len(y), _CHUNK):
             part = np.ascontiguousarray(y[start : start + _CHUNK].T)
             if not self._count:
@@ -117,18 +121,25 @@ class DeviationAccumulator:
                     self._totals[m] += _sum_of_squares(window, m, begin, begin + terms)
                     self._terms[m] += terms
             self._tail = window[:, -2 * _SHORT :].copy()
-            skip = -(self._count + 1) % self._stride
-            stored_phase = phase[:, skip :: self._stride]
-            end = self._stored_count + stored_phase.shape[1]
-            for stored, phases in zip(self._stored, stored_phase, strict=True):
-                stored[self._stored_count : end] = phases
-            if end > _PHASES:
-                for stored in self._stored:
-                    stored[: (end + 1) // 2] = stored[:end:2].copy()
-                end = (end + 1) // 2
-                self._stride *= 2
-            self._stored_count = end
+            self._store(phase)
             self._count += part.shape[1]
+
+    def _store(self, phase: Array) -> None:
+        """Store every ``_stride``-th of the next phases (axes, n) of the piece.
+
+        If that makes too many, every second one is dropped, and the stride doubles.
+        """
+        skip = -(self._count + 1) % self._stride
+        kept = phase[:, skip :: self._stride]
+        end = self._stored_count + kept.shape[1]
+        for stored, phases in zip(self._stored, kept, strict=True):
+            stored[self._stored_count : end] = phases
+        if end > _PHASES:
+            for stored in self._stored:
+                stored[: (end + 1) // 2] = stored[:end:2].copy()
+            end = (end + 1) // 2
+            self._stride *= 2
+        self._stored_count = end
 
     def end_piece(self) -> None:
         """Close the piece: the next readings are not connected to it."""
@@ -152,7 +163,14 @@ class DeviationAccumulator:
         total = np.array([self._totals[int(m)] for m in size]).reshape(len(size), self._axes)
         deviation = np.sqrt(total / (2.0 * tau**2 * terms)[:, None])
         low, high = confidence_factors(self._longest, size)
-        return Deviation(size, tau, deviation, deviation * low, deviation * high, terms)
+        return Deviation(
+            size=size,
+            tau=tau,
+            deviation=deviation,
+            low=deviation * low,
+            high=deviation * high,
+            terms=terms,
+        )
 
 
 def degrees_of_freedom(samples: int, size: Integers) -> Array:

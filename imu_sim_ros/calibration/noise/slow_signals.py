@@ -563,7 +563,14 @@ class _Search:
         fits = fit_many(data, self._design, free, slope=np.zeros(1), guess=start[None])
         rows = fits.expected[0]
         variance = np.repeat(rows, self._sizes)
-        return _Fit(float(fits.objective[0]), rows, variance, (), False, remainder)
+        return _Fit(
+            objective=float(fits.objective[0]),
+            rows=rows,
+            variance=variance,
+            components=(),
+            ramp=False,
+            remainder=remainder,
+        )
 
     def _fit(
         self, y: Array, components: Sequence[_Component], start: _Fit, *, ramp: bool = True
@@ -699,22 +706,26 @@ class _Search:
     def _best_shift(self, best: _Fit) -> tuple[float, float]:
         """Return the position of the shift that explains most, of all positions, and its gain.
 
+        A shift's gain is half the square of its product with the weighted residual, over the sum of
+        squares of the part of it that the fitted model does not explain already.
+
         Products of the coefficients with those of every shift are a sine transform; the squares of
-        those of every shift, ``sin^2 = (1 - cos) / 2``, a cosine series.
+        those of every shift, ``sin^2 = (1 - cos) / 2``, a cosine series. All is computed in place,
+        since each array is as long as the record.
         """
         n, weight = self._n, 1.0 / best.variance
         scaled = np.sqrt(weight) * self._shift.factors
         q, residual = self._fitted_base(best, _ALL, weight)
-        # One by one and in place, since each array is as long as the record.
         explained = np.zeros(n - 1)
         for column in q.T:
             product = self._sines(column * scaled)
             explained += np.square(product, out=product)
             del product
         size = self._shift_sizes(scaled)
-        free = np.subtract(size, explained, out=explained)
+        unexplained = np.subtract(size, explained, out=explained)
+        # Positions at which rounding, the ends, or a shift that is fitted already decide are out.
         size *= 1e-6
-        sound = free > size
+        sound = unexplained > size
         del size
         sound[: _MARGIN - 1] = sound[len(sound) - _MARGIN + 1 :] = False
         for component in best.components:
@@ -724,8 +735,8 @@ class _Search:
         gain = self._sines(residual * scaled)
         np.square(gain, out=gain)
         gain *= 0.5
-        free[~sound] = 1.0
-        gain /= free
+        unexplained[~sound] = 1.0
+        gain /= unexplained
         gain[~sound] = 0.0
         k = int(np.argmax(gain))
         return float(k + 1), float(gain[k])

@@ -321,7 +321,14 @@ class SpectrumAccumulator:
         logs = np.log(order[begin:end] / (2.0 * count))
         freedom = np.bincount(bins, minlength=size).astype(np.float64)
         log_frequency: Array = np.bincount(bins, weights=logs, minlength=size).astype(np.float64)
-        return _Bins(begin, end, starts, bins[starts], freedom, log_frequency)
+        return _Bins(
+            begin=begin,
+            end=end,
+            starts=starts,
+            used=bins[starts],
+            freedom=freedom,
+            log_frequency=log_frequency,
+        )
 
     def _low_bins(self, n: int) -> _LowBins:
         """Return the bins of the coefficients of n averages.
@@ -360,14 +367,14 @@ class SpectrumAccumulator:
         mean_order = np.exp(np.add.reduceat(np.log(order), edges) / freedom)
         single = freedom == 1
         return Spectrum(
-            mean_order / (2.0 * n * interval),
-            squares / freedom[:, None],
-            freedom,
-            np.where(single, mean_order.round(), 0.0),
-            np.full(len(edges), interval),
-            np.full(len(edges), n * interval),
-            np.where(single[:, None], amplitude, 0.0),
-            self._dt,
+            frequency=mean_order / (2.0 * n * interval),
+            power=squares / freedom[:, None],
+            freedom=freedom,
+            order=np.where(single, mean_order.round(), 0.0),
+            interval=np.full(len(edges), interval),
+            duration=np.full(len(edges), n * interval),
+            amplitude=np.where(single[:, None], amplitude, 0.0),
+            sample_interval=self._dt,
         )
 
     def result(self, *, doubtful: bool = True) -> Spectrum:
@@ -378,18 +385,18 @@ class SpectrumAccumulator:
         used = self._freedom > 0
         freedom = self._freedom[used]
         frequency = np.exp(self._log_frequency[used] / freedom) / self._dt
-        zeros = np.zeros(len(freedom))
         high = Spectrum(
-            frequency,
-            self._sums[used] * self._dt / freedom[:, None],
-            freedom,
-            zeros,
-            zeros + self._dt,
-            zeros + np.inf,
-            np.zeros((len(freedom), self._axes)),
-            self._dt,
+            frequency=frequency,
+            power=self._sums[used] * self._dt / freedom[:, None],
+            freedom=freedom,
+            order=np.zeros(len(freedom)),
+            interval=np.full(len(freedom), self._dt),
+            duration=np.full(len(freedom), np.inf),
+            amplitude=np.zeros((len(freedom), self._axes)),
+            sample_interval=self._dt,
         )
         parts = [*(self._low if doubtful else self._low_without_doubtful), high]
+        # All fields but the last, the sample interval, are arrays.
         columns = zip(*(part[:-1] for part in parts), strict=True)
         return Spectrum._make([*map(np.concatenate, columns), self._dt])
 

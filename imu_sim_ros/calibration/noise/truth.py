@@ -90,6 +90,12 @@ def compare(result: AllanResult, imu: ImuParameters) -> list[ParameterComparison
             if key in truth and not absent:
                 estimate, value = result.estimate(axis, key), float(truth[key][axis])
                 comparisons.append(
-                    ParameterComparison(axis, key, value, estimate, estimate.covers(value))
+                    ParameterComparison(
+                        axis=axis,
+                        key=key,
+                        truth=value,
+                        estimate=estimate,
+                        covered=estimate.covers(value),
+                    )
                 )
     return comparisons

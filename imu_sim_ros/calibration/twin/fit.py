@@ -356,7 +356,17 @@ def fit(
         last_step = float(np.max(np.abs(step) / np.sqrt(np.diag(inverse))))
         if count > 1 and last_step < _CLOSE:
             break
-    fitted = _summary(recording, motion_at, errors, sums, density, (reference, wander, prior, free))
+    fitted = _summary(
+        recording,
+        motion_at,
+        errors,
+        sums,
+        density,
+        reference=reference,
+        wander=wander,
+        prior=prior,
+        free=free,
+    )
     return fitted._replace(settled=last_step < _SETTLED)
 
 
@@ -394,15 +404,27 @@ def _summary(
     errors: Errors,
     sums: _Sums,
     density: Array,
-    settings: tuple[float, Array, Array, Indices],
+    *,
+    reference: float,
+    wander: Array,
+    prior: Array,
+    free: Indices,
 ) -> Fit:
     """Return the fit with residuals and covariance.
 
-    :param settings: reference, wander, prior and free parameters.
+    The covariance is a sandwich ``N^-1 M N^-1`` of the normal matrix N and the sum M of squared
+    gradients of single readings, which holds even if the noise is stronger at some times than at
+    others (White, "A heteroskedasticity-consistent covariance matrix estimator", Econometrica 48,
+    1980).
+
+    :param density: (bins, 6) densities of the residuals over their shape.
+    :param reference: time to which the clock's offset refers [s].
+    :param wander: (n,) wander of the truth's clock [s].
+    :param prior: (42,) standard deviations of the parameters before the fit.
+    :param free: (p,) indices of the fitted parameters.
     """
     from scipy.fft import idct
 
-    reference, wander, prior, free = settings
     residuals, slopes = np.zeros((2, len(recording.stamps), 6))
     normal, middle = np.diag(prior[free] ** -2), np.diag(prior[free] ** -2)
     weight = sums.visible_bins(prior[free]) / density
@@ -413,6 +435,7 @@ def _summary(
         residuals[rows], slopes[rows] = recording.readings[rows] - linear.readings, linear.slope
         weights, remaining = sums.weights_of(k, weight)
         root = np.sqrt(weights)
+        # The weights whiten coefficients; back in time, each reading has a gradient of its own.
         j = _cosine_transform(linear.signals, len(root)) @ linear.coefficients[:, :, free]
         j *= root.T[:, :, None]
         flat = j.reshape(-1, len(free))
@@ -422,14 +445,16 @@ def _summary(
             norm="ortho",
             axis=0,
         )
-        parts = np.einsum("ani,na->ni", idct(j, norm="ortho", axis=1), white)
-        parts -= parts.mean(axis=0)
-        middle += parts.T @ parts
+        gradients = np.einsum("ani,na->ni", idct(j, norm="ortho", axis=1), white)
+        gradients -= gradients.mean(axis=0)
+        middle += gradients.T @ gradients
+    # The noise of the poses adds to the normal matrix and shifts the gradient; both are taken off,
+    # and the shift counts as an error since it is known to a share only.
     normal -= np.einsum("kaij,ka->ij", sums.noise_matrix, weight)
-    moved = np.einsum("kai,ka->i", sums.noise_product, weight)
-    middle += np.outer(moved, moved) * _NOISE_KNOWN**2
+    noise_gradient = np.einsum("kai,ka->i", sums.noise_product, weight)
+    middle += np.outer(noise_gradient, noise_gradient) * _NOISE_KNOWN**2
     inverse, projection = _inverse(normal, prior[free])
-    moved = projection.T @ moved
+    noise_gradient = projection.T @ noise_gradient
     prior_information = np.diag(prior[free] ** -2)
     middle = projection.T @ (middle - prior_information) @ projection + prior_information
     covariance = np.zeros((COUNT, COUNT))
@@ -440,8 +465,17 @@ def _summary(
     covariance[np.ix_(free, free)] = sandwich * np.outer(widening, widening)
     covariance[model.CURVATURE, model.CURVATURE] += sums.smoothing**2
     noise_shift = np.zeros(COUNT)
-    noise_shift[free] = np.abs(inverse @ moved) / np.sqrt(np.diag(covariance)[free])
-    return Fit(errors, covariance, residuals, reference, wander, slopes, noise_shift, settled=True)
+    noise_shift[free] = np.abs(inverse @ noise_gradient) / np.sqrt(np.diag(covariance)[free])
+    return Fit(
+        errors=errors,
+        covariance=covariance,
+        residuals=residuals,
+        reference=reference,
+        wander=wander,
+        slope=slopes,
+        noise_shift=noise_shift,
+        settled=True,
+    )
 
 
 def _segments(pieces: tuple[slice, ...]) -> list[slice]:

@@ -159,7 +159,13 @@ def _lines(frequency: Array, parts: Array, remainder: Array, rate: float) -> Lin
         density[k] = surroundings.mean(axis=0)
     sigma = np.sqrt(2.0 * density / length)
     information = np.sum(amplitude**2 / density, axis=1) * np.pi**2 * length**3 / 6.0
-    return Lines(frequency, 1.0 / np.sqrt(information), amplitude, sigma, np.arctan2(cosine, sine))
+    return Lines(
+        frequency=frequency,
+        frequency_sigma=1.0 / np.sqrt(information),
+        amplitude=amplitude,
+        amplitude_sigma=sigma,
+        phase=np.arctan2(cosine, sine),
+    )
 
 
 EDGES: Final = (1.0, 5.0, 20.0, 50.0)

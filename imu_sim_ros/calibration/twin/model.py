@@ -111,14 +111,14 @@ class Errors(NamedTuple):
         response[tuple(_ELEMENTS)] += step[RESPONSE]
         turn = rotation.to_matrix(rotation.exp(step[MOUNTING]))
         return Errors(
-            turn @ self.r_ib,
-            response,
-            self.lever_arm + step[LEVER_ARM],
-            self.bias + step[BIAS],
-            self.offset + float(step[0]),
-            self.skew + float(step[1]),
-            self.curvature + float(step[38]),
-            self.world + step[WORLD],
+            r_ib=turn @ self.r_ib,
+            response=response,
+            lever_arm=self.lever_arm + step[LEVER_ARM],
+            bias=self.bias + step[BIAS],
+            offset=self.offset + float(step[0]),
+            skew=self.skew + float(step[1]),
+            curvature=self.curvature + float(step[38]),
+            world=self.world + step[WORLD],
         )
 
     def shift_reference(self, shift: float) -> "Errors":
@@ -145,7 +145,16 @@ class Errors(NamedTuple):
 def perfect(r_ib: Array, offset: float = 0.0) -> Errors:
     """Return the errors of a perfect IMU with a mounting (3, 3) and a clock offset [s]."""
     none = np.zeros(3)
-    return Errors(r_ib, np.eye(6), none, np.zeros(6), offset, 0.0, 0.0, none)
+    return Errors(
+        r_ib=r_ib,
+        response=np.eye(6),
+        lever_arm=none,
+        bias=np.zeros(6),
+        offset=offset,
+        skew=0.0,
+        curvature=0.0,
+        world=none,
+    )
 
 
 def readings(errors: Errors, motion: BodyMotion) -> Array:

@@ -190,7 +190,13 @@ def _room(p: RoomParameters, path: Array) -> Scene:
     everything = join_surfaces(walls, surfaces(boxes, hides=True))
     landmarks, normals = _scatter(everything, p.landmarks, p.seed)
     extent = float(np.linalg.norm(end - corner))
-    return Scene(landmarks, normals, np.zeros((0, 2, 3)), everything, extent)
+    return Scene(
+        landmarks=landmarks,
+        normals=normals,
+        lines=np.zeros((0, 2, 3)),
+        surfaces=everything,
+        extent=extent,
+    )
 
 
 def _place(p: PlaceParameters, passage: Passage) -> Scene:
@@ -203,7 +209,15 @@ def _place(p: PlaceParameters, passage: Passage) -> Scene:
         low, high = around(p.type, path, passage.foot)
         note = describe_stretch(p.type, low, high)
     keep = np.zeros((0, 3)) if any(p.size) else path  # a place of a given size is as it is
-    site = Site(low, high, keep, p.seed, p.texture, p.light, p.bodies.doors)
+    site = Site(
+        low=low,
+        high=high,
+        path=keep,
+        seed=p.seed,
+        texture=p.texture,
+        light=p.light,
+        doors=p.bodies.doors,
+    )
     place = build_place(p.type, site)
     everything = place.surfaces()
     landmarks, normals = _scatter(everything.some(~place.sky), p.landmarks, p.seed)
@@ -211,7 +225,16 @@ def _place(p: PlaceParameters, passage: Passage) -> Scene:
     lines = np.zeros((0, 2, 3))
     crowd = _crowd(p, place, site, passage)
     painter = Painter(place, site, path[:: -(-len(path) // _SIGHTS)])
-    return Scene(landmarks, normals, lines, everything, extent, painter, crowd=crowd, note=note)
+    return Scene(
+        landmarks=landmarks,
+        normals=normals,
+        lines=lines,
+        surfaces=everything,
+        extent=extent,
+        painter=painter,
+        crowd=crowd,
+        note=note,
+    )
 
 
 def _office_or_room(p: AutoParameters, passage: Passage) -> Scene:
@@ -306,7 +329,13 @@ def _planes(p: PlanesParameters) -> Scene:
     where = surfaces([(o, a - o, b - o) for o, a, b in corners], hides=True, texture="plane")
     landmarks, normals = _scatter(where, p.landmarks, p.seed, both_sides=True)
     extent = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
-    return Scene(landmarks, normals, np.zeros((0, 2, 3)), where, extent)
+    return Scene(
+        landmarks=landmarks,
+        normals=normals,
+        lines=np.zeros((0, 2, 3)),
+        surfaces=where,
+        extent=extent,
+    )
 
 
 def _house(p: HouseParameters) -> Scene:
@@ -463,4 +492,10 @@ def _target(p: TargetParameters, corners: Array, board_corner: Array, size: Arra
     normals = np.broadcast_to(r_wt[:, 2], landmarks.shape)
     board = (p_wt + r_wt[:, :2] @ board_corner, size[0] * r_wt[:, 0], size[1] * r_wt[:, 1])
     where = surfaces([board], hides=True, texture=p.type)
-    return Scene(landmarks, normals, np.zeros((0, 2, 3)), where, float(np.linalg.norm(size)))
+    return Scene(
+        landmarks=landmarks,
+        normals=normals,
+        lines=np.zeros((0, 2, 3)),
+        surfaces=where,
+        extent=float(np.linalg.norm(size)),
+    )

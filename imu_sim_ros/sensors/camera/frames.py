@@ -136,7 +136,13 @@ def visibility_mask(mounted: Mounted[CameraParameters], world: World, t: Array) 
         step = -(-len(scene.landmarks) // count) or 1
         sparse = scene._replace(landmarks=scene.landmarks[::step], normals=scene.normals[::step])
         t_ns = view.t0_ns + np.rint(t[rows] * 1e9).astype(np.int64)
-        frames = Frames(np.arange(len(rows)), t_ns, t_ns, t_ns, np.ones(len(rows), np.bool_))
+        frames = Frames(
+            number=np.arange(len(rows)),
+            true_t_ns=t_ns,
+            t_ns=t_ns,
+            release_t_ns=t_ns,
+            delivered=np.ones(len(rows), np.bool_),
+        )
         counts = Tracker(view, sparse, world.trajectory).visible_counts(frames)
         visible[rows] = counts > 0
     rows = np.flatnonzero(~visible)

@@ -49,11 +49,11 @@ def mesh_scene(p: MeshParameters, path: Array) -> Scene:
     low, high = box(mesh)
     extent = float(np.linalg.norm(high - low))
     return Scene(
-        landmarks,
-        np.zeros_like(landmarks),
-        np.zeros((0, 2, 3)),
-        NO_SURFACES,
-        extent,
+        landmarks=landmarks,
+        normals=np.zeros_like(landmarks),
+        lines=np.zeros((0, 2, 3)),
+        surfaces=NO_SURFACES,
+        extent=extent,
         mesh=mesh,
         caster=caster,
     )

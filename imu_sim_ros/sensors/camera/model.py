@@ -235,7 +235,7 @@ class Projection(NamedTuple):
     uv: Array
     """(n, 2) [px]; meaningless where ``valid`` is false."""
     valid: Mask
-    """(n,) the model has a pixel for the point, perhaps outside the image."""
+    """(n,) True if the model has a pixel for the point, perhaps outside the image."""
 
 
 class Rays(NamedTuple):
@@ -244,7 +244,7 @@ class Rays(NamedTuple):
     direction: Array
     """(n, 3) unit vectors in the camera's frame."""
     valid: Mask
-    """(n,) the model has a direction for the pixel."""
+    """(n,) True if the model has a direction for the pixel."""
 
 
 class CameraModel:

@@ -464,7 +464,7 @@ class CameraParameters(
     CameraMountParameters,
     CameraModelParameters,
 ):
-    """One camera."""
+    """Parameters of a camera: lens, mount, timing, tracks of features, and images."""
 
     @property
     def longest_window(self) -> float:

@@ -25,7 +25,7 @@ class Scene(NamedTuple):
     landmarks: Array
     """(n, 3) p_w [m]; a landmark's id is its row."""
     normals: Array
-    """(n, 3) the side from which each is seen; zero: from everywhere."""
+    """(n, 3) normal of the surface at each, to the side that sees it; zero: seen from all sides."""
     lines: Array
     """(l, 2, 3) ends of each line [m]."""
     surfaces: Surfaces
@@ -69,7 +69,13 @@ class Scene(NamedTuple):
     def of_points(cls, points: Array) -> "Scene":
         """Return a scene of landmarks (n, 3) alone, seen from everywhere."""
         extent = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
-        return cls(points, np.zeros_like(points), np.zeros((0, 2, 3)), NO_SURFACES, extent)
+        return cls(
+            landmarks=points,
+            normals=np.zeros_like(points),
+            lines=np.zeros((0, 2, 3)),
+            surfaces=NO_SURFACES,
+            extent=extent,
+        )
 
 
 _MAX_LANDMARKS: Final = 10_000_000

@@ -132,7 +132,31 @@ def _boards(
 ) -> Iterator[AprilgridParameters]:
     """Yield boards upright and square to the body's x axis, most and smallest tags first.
 
-    :param settings: parameters of the boards that are given.
+    None if the views look in other directions than x, or in opposite ones.
+
+    :param settings: parameters of the board that stay as they are.
+    """
+    board_pose = _board_pose(views)
+    if board_pose is None:
+        return
+    sizes = _GROWTH  # not used if the tags' size is one of the settings
+    if "tag_size" not in settings:
+        # Bits of a tiny tag in the middle tell the size of those with enough pixels per bit.
+        trajectory = build_trajectory(motion)
+        corners = aprilgrid_corners(_board(*board_pose, 1, _TINY, settings))
+        bits = min(sight(view, trajectory, corners).bits for view in views)
+        if bits == 0.0:
+            return
+        sizes = tuple(round(_TINY * BITS * _MARGIN / bits * growth, 3) for growth in _GROWTH)
+    boards = (_board(*board_pose, tags, size, settings) for tags in _TAGS for size in sizes)
+    yield from dict.fromkeys(boards)  # without repetitions
+
+
+def _board_pose(views: Sequence[View]) -> tuple[Array, Array] | None:
+    """Return the center (3,) of a board in the world [m] and its rotation R_wt (3, 3).
+
+    It is on the mean of the views' axes and faces the body. None if a view looks in another
+    direction than the others, or than the body's x axis, forwards or backwards.
     """
     centers = []
     for view in views:
@@ -140,30 +164,27 @@ def _boards(
         ray = rotation.rotate(view.q_bc, view.model.unproject(middle).direction[0])
         centers.append(view.p_bc + ray / max(abs(ray[0]), 1e-9) * _DISTANCE)
         if abs(ray[0]) < _ALONG or np.sign(ray[0]) != np.sign(centers[0][0]):
-            return
-    center, side = np.mean(centers, axis=0) + _BODY, float(np.sign(centers[0][0]))
+            return None
+    side = float(np.sign(centers[0][0]))
     r_wt = np.array([[0.0, 0.0, -side], [-side, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    return np.asarray(np.mean(centers, axis=0) + _BODY), r_wt
 
-    def board(tags: int, size: float) -> AprilgridParameters:
-        values = {"columns": tags, "rows": tags, "tag_size": size, **settings}
-        candidate = AprilgridParameters(**values)
-        pitch = candidate.tag_size * (1.0 + candidate.tag_spacing)
-        extent = (
-            np.array([candidate.columns, candidate.rows]) * pitch
-            - candidate.tag_size * candidate.tag_spacing
-        )
-        corner = np.round(center - 0.5 * r_wt[:, :2] @ extent, 4)
-        pose = {"position": tuple(corner.tolist()), "orientation": tuple(r_wt.ravel().tolist())}
-        return AprilgridParameters(**{**pose, **values})
 
-    sizes = _GROWTH
-    if "tag_size" not in settings:
-        trajectory = build_trajectory(motion)
-        bits = min(sight(v, trajectory, aprilgrid_corners(board(1, _TINY)))[1] for v in views)
-        if bits == 0.0:
-            return
-        sizes = tuple(round(_TINY * BITS * _MARGIN / bits * growth, 3) for growth in _GROWTH)
-    yield from dict.fromkeys(board(tags, size) for tags in _TAGS for size in sizes)
+def _board(
+    center: Array, r_wt: Array, tags: int, size: float, settings: Keywords
+) -> AprilgridParameters:
+    """Return a board around a center [m].
+
+    :param tags: tags along a side; ``size`` of a tag [m]; ``settings`` count before both.
+    """
+    values = {"columns": tags, "rows": tags, "tag_size": size, **settings}
+    board = AprilgridParameters(**values)
+    pitch = board.tag_size * (1.0 + board.tag_spacing)
+    # Between the outer edges: there is no gap behind the last tag.
+    extent = np.array([board.columns, board.rows]) * pitch - board.tag_size * board.tag_spacing
+    corner = np.round(center - 0.5 * r_wt[:, :2] @ extent, 4)
+    pose = {"position": tuple(corner.tolist()), "orientation": tuple(r_wt.ravel().tolist())}
+    return AprilgridParameters(**{**pose, **values})
 
 
 def _fewest_turns(

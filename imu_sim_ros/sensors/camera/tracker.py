@@ -39,7 +39,7 @@ class Tracks(NamedTuple):
     id: Rows
     """(n,) id of the track."""
     landmark: Rows
-    """(n,) what is seen: row in the scene's landmarks."""
+    """(n,) row of the feature's landmark in the scene."""
     uv: Array
     """(n, 2) measured pixel."""
     uv_true: Array
@@ -47,9 +47,9 @@ class Tracks(NamedTuple):
     depth: Array
     """(n,) z of the landmark in the camera's frame [m]."""
     wrong: Mask
-    """(n,) an outlier, or the pixel of another feature."""
+    """(n,) True for outliers, and for features with the pixel of another one."""
     body: Rows
-    """(n,) on which body that moves it is: 1, 2, ...; 0: on what is at rest."""
+    """(n,) number of the moving body that the landmark is on, from 1; 0: it does not move."""
 
     def __repr__(self) -> str:
         return shapes(self)
@@ -101,15 +101,15 @@ class Tracker:
         observations = self._select_features(self._visible(frames))
         uv, wrong = self._measure(frames, observations)
         return Tracks(
-            frames,
-            observations.frame,
-            self._ids(frames.number[observations.frame], observations.landmark),
-            observations.landmark,
-            uv,
-            observations.uv,
-            observations.depth,
-            wrong,
-            np.searchsorted(self._first, observations.landmark, side="right"),
+            frames=frames,
+            frame=observations.frame,
+            id=self._ids(frames.number[observations.frame], observations.landmark),
+            landmark=observations.landmark,
+            uv=uv,
+            uv_true=observations.uv,
+            depth=observations.depth,
+            wrong=wrong,
+            body=np.searchsorted(self._first, observations.landmark, side="right"),
         )
 
     def positions(self, landmark: Rows, t_ns: int) -> Array:

@@ -53,7 +53,13 @@ class Landmarks(AtFrames):
         count = int(window.begin <= 0 < window.end)
         times = np.full(count, self._t0_ns)
         values = Deferred(position=lambda: world.scene.landmarks)
-        return Samples(times, times, times, np.arange(count), values)
+        return Samples(
+            true_t_ns=times,
+            t_ns=times,
+            release_t_ns=times,
+            delivered=np.arange(count),
+            values=values,
+        )
 
 
 class BodyTruth(AtFrames):
@@ -76,7 +82,13 @@ class BodyTruth(AtFrames):
             return body.states(t_ns, camera.view.seconds(t_ns))
 
         numbers = np.arange(len(t_ns))
-        return Samples(t_ns, t_ns, release_t_ns, numbers, Deferred(states=states))
+        return Samples(
+            true_t_ns=t_ns,
+            t_ns=t_ns,
+            release_t_ns=release_t_ns,
+            delivered=numbers,
+            values=Deferred(states=states),
+        )
 
 
 def _cloud(mounted: Mounted[RigParameters], encoding: str) -> Payloads:

@@ -99,7 +99,9 @@ class View:
             drawn = [self.stream("dropout", int(k)).random() for k in index]
             delivered = np.array(drawn) >= p.dropout_probability
         release = true + timebase.to_nanoseconds(p.latency)
-        return Frames(index, true, stamps, release, delivered)
+        return Frames(
+            number=index, true_t_ns=true, t_ns=stamps, release_t_ns=release, delivered=delivered
+        )
 
     def seconds(self, t_ns: Times) -> Array:
         """Return times after the start, within the trajectory's length [s]."""

@@ -265,14 +265,14 @@ class FlickerNoise(ChunkedProcess):
         super().__init__(FLICKER_CHUNK, (*np.shape(seed), 3))
         self._streams = Streams(seed, source)
         self._rows = _rows(dt)
-        self._state = self._drawn(...)
+        self._state = self._draw_states(...)
 
     def begin(self, units: Units) -> None:
         """Restart some units of a batch from their current seeds."""
         self._streams.begin(units)
-        self._state[units] = self._drawn(units)
+        self._state[units] = self._draw_states(units)
 
-    def _drawn(self, units: Units) -> Array:
+    def _draw_states(self, units: Units) -> Array:
         """Return initial states (..., 3, p)."""
         root = self._rows.root
         numbers = axes_first(self._streams.next(len(root), units))
@@ -280,7 +280,12 @@ class FlickerNoise(ChunkedProcess):
         return np.matmul(root, numbers[..., None])[..., 0]
 
     def _make_chunks(self, count: int, units: Units) -> Array:
-        """Return the next chunks of flicker noise of some units."""
+        """Return the next chunks of flicker noise of some units.
+
+        A chunk is R rows of C samples. First each row is filtered as if its state were zero at its
+        start; then the states at the starts follow from those at the ends, decayed over the rows
+        between; last their responses are added.
+        """
         rows, state = self._rows, self._state[units]
         *several, _, poles = state.shape
         numbers = axes_first(self._streams.next(count * FLICKER_CHUNK, units))

@@ -202,7 +202,13 @@ class Digitiser:
         maximum = np.where(limits > 0.0, maximum, np.inf)
         self._is_perfect = not (rounded.any() or limits.any())
         self._axes = [
-            _Digits(_shared_value(rounded[..., k]), step, bool(limits[..., k].any()), low, high)
+            _Digits(
+                rounded=_shared_value(rounded[..., k]),
+                step=step,
+                limited=bool(limits[..., k].any()),
+                minimum=low,
+                maximum=high,
+            )
             for k, (step, low, high) in enumerate(
                 zip(_entries(steps), _entries(-maximum), _entries(maximum), strict=True)
             )
@@ -520,13 +526,13 @@ def assemble_reading(
     none = _constant(0.0, reading.shape)
     scale, bias, noise = additions
     return Reading(
-        reading,
-        bias,
-        _constant(1.0, reading.shape) if scale is None else scale,
-        none if noise is None else noise,
-        none if response_error is None else response_error,
-        none if low_pass is None else low_pass,
-        none if vibration is None else vibration,
+        reading=reading,
+        bias=bias,
+        scale=_constant(1.0, reading.shape) if scale is None else scale,
+        noise=none if noise is None else noise,
+        response_error=none if response_error is None else response_error,
+        low_pass=none if low_pass is None else low_pass,
+        vibration=none if vibration is None else vibration,
     )
 
 

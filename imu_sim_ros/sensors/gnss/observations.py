@@ -125,12 +125,12 @@ def antenna(environment: EnvironmentParameters, position: Array, velocity: Array
         origin = np.array([environment.latitude_deg]), np.array([environment.longitude_deg])
         turn = np.broadcast_to(east_north_up(*origin), axes.shape)
     return Antenna(
-        ecef_of_geodetic(latitude, longitude, height),
-        np.einsum("nij,ni->nj", turn, velocity),
-        np.radians(latitude),
-        np.radians(longitude),
-        height,
-        axes,
+        position=ecef_of_geodetic(latitude, longitude, height),
+        velocity=np.einsum("nij,ni->nj", turn, velocity),
+        latitude=np.radians(latitude),
+        longitude=np.radians(longitude),
+        height=height,
+        axes=axes,
     )
 
 
@@ -175,7 +175,14 @@ def ranges(ephemerides: Ephemerides, week: int, second: Array, antenna_motion: A
     rate = (approach - antenna_rate) / (1.0 + approach / LIGHT - swing)
     local = away @ np.swapaxes(antenna_motion.axes, -1, -2)
     azimuth = np.arctan2(local[..., 0], local[..., 1])
-    return Ranges(distance, rate, clock, drift, azimuth, np.arcsin(local[..., 2]))
+    return Ranges(
+        distance=distance,
+        rate=rate,
+        clock=clock,
+        clock_rate=drift,
+        azimuth=azimuth,
+        elevation=np.arcsin(local[..., 2]),
+    )
 
 
 def _rotate_to_reception(satellite: Array, flight: Array) -> Array:

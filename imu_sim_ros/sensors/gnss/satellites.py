@@ -153,6 +153,7 @@ def almanac(week: int, toe: float) -> Ephemerides:
     k = np.arange(PLANES * IN_A_PLANE)
     plane, slot = np.divmod(k, IN_A_PLANE)
     full = 2.0 * np.pi
+    # Spread perigees; the phase of a slot is counted from the node, so they do not change it.
     omega = full * ((k * 7) % len(k)) / len(k)
     since = week * float(WEEK) + toe
     sqrt_a = np.sqrt(_RADIUS)
@@ -161,6 +162,7 @@ def almanac(week: int, toe: float) -> Ephemerides:
     turned = (_PRECESSION - EARTH_RATE) * since + EARTH_RATE * toe
     zero = np.zeros(len(k))
     values = {
+        # Any clocks of the size of real ones, different for each satellite.
         "af0": 3e-4 * np.sin(2.4 * k),
         "af1": 5e-12 * np.cos(1.7 * k),
         "sqrt_a": zero + sqrt_a,

@@ -56,7 +56,7 @@ class BatchSamples(NamedTuple):
     gyro_low_pass: Array
     accel_low_pass: Array
     held: Mask
-    """(count,) units whose ideal reading was impossible: they kept the one before."""
+    """(count,) True for units whose ideal reading was impossible: they kept the previous one."""
 
 
 class BatchField(NamedTuple):
@@ -67,9 +67,9 @@ class BatchField(NamedTuple):
     field: Array
     """(count, 3) readings [T]."""
     bias: Array
-    """(count, 3) what is added to the field times the sensor's response [T]."""
+    """(count, 3) error that is added to the field times the sensor's response [T]."""
     held: Mask
-    """(count,) units whose ideal field was impossible: they kept the one before."""
+    """(count,) True for units whose ideal field was impossible: they kept the previous one."""
 
 
 class BatchPressure(NamedTuple):
@@ -80,9 +80,9 @@ class BatchPressure(NamedTuple):
     pressure: Array
     """(count,) readings [Pa]."""
     bias: Array
-    """(count,) what is added to it, without white noise and rounding [Pa]."""
+    """(count,) error that is added to it, without white noise and rounding [Pa]."""
     held: Mask
-    """(count,) units whose ideal pressure was impossible: they kept the one before."""
+    """(count,) True for units whose ideal pressure was impossible: they kept the previous one."""
 
 
 class ImuBatch:

@@ -267,7 +267,10 @@ def _imu_keys(tree: YamlMapping, path: str | Path, imu: str, unused: list[str]) 
 
 
 def _convert(file: _File, key: str, value: object) -> None:
-    """Set the parameter of a key that needs no other one, which those of the intrinsics do."""
+    """Set the parameter of a key, or note why there is none.
+
+    The keys of kalibr's intrinsics are left out: they are converted together.
+    """
     name = key.removeprefix(_IMU)
     if value is None:
         file.problems.append(f"{key}: a value is missing")

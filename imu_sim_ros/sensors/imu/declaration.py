@@ -93,7 +93,7 @@ def _increments(name: str, means: str, flag: str, truth: bool = False) -> Topic:
 
         return payloads
 
-    return Topic(name, _VECTOR[0], (flag,), make, truth)
+    return Topic(name=name, type=_VECTOR[0], flags=(flag,), payloads=make, truth=truth)
 
 
 def _error(name: str, column: str) -> Topic:

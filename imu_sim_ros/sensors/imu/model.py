@@ -96,20 +96,21 @@ class Imu:
         self._vibration: BoardVibration | None = None
         if imu.vibration.is_present:
             self._vibration = vibration.BoardVibration(seed, imu.vibration, rate)
-        self._ahead = _Ahead(0, 0, np.empty(0), (), ())
+        self._ahead = _Ahead(start=0, end=0, temperature=np.empty(0), additions=(), numbers=())
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
         """Apply new values of live parameters, from the next sample on.
 
-        Of given readings, see :meth:`apply`, with the next chunk.
+        For readings from outside (:meth:`apply`), from the next chunk on.
         """
         self._reference_temperature = imu.reference_temperature
         for name, triad in zip(TRIADS, self._triads, strict=True):
             triad.configure(realise_unit(imu.triad(name), name, self._seed))
         follows = any(triad.follows_force for triad in self._triads)
         self._made_ahead = self._ratio == 1 and not follows
-        """True if the additive errors can be drawn before the readings exist."""
+        """True if the additive errors can be drawn before the readings exist: one for each
+        reading, and none that depends on the force."""
         remembers = any(triad.remembers for triad in self._triads)
         self._plain = self._made_ahead and not remembers and self._vibration is None
         """True if a single reading is computed with numbers instead of arrays."""
@@ -254,7 +255,9 @@ class Imu:
             drawn = [values.at(rows) for values in previous.additions]
             additions = [a.followed_by(b) for a, b in zip(drawn, additions, strict=True)]
             numbers = [*previous.numbers[rows], *numbers]
-        self._ahead = _Ahead(start, end, temperature, additions, numbers)
+        self._ahead = _Ahead(
+            start=start, end=end, temperature=temperature, additions=additions, numbers=numbers
+        )
 
     def _additions(self, temperature: Array, force: Array | None) -> list[Additions]:
         """Return the additive errors of the next readings at temperatures (n,) [degC]."""
@@ -441,4 +444,11 @@ NOWHERE: Final = _Nowhere()
 def unknown_motion(count: int) -> Motion:
     """Return a motion of n states of which nothing is known: NaN."""
     vector, q_wb = np.broadcast_to(np.nan, (count, 3)), np.broadcast_to(np.nan, (count, 4))
-    return Motion(vector, vector, vector, q_wb, vector, vector)
+    return Motion(
+        position=vector,
+        velocity=vector,
+        acceleration=vector,
+        q_wb=q_wb,
+        angular_velocity=vector,
+        angular_acceleration=vector,
+    )

@@ -311,12 +311,17 @@ def _room(count: int, rows: int = AHEAD) -> Array:
 
 
 def _rows_at(rows: int | tuple[Integers, Integers], values: Array) -> Array:
-    """Return the values (1, count, 3) of each unit's next sample, a copy."""
+    """Return the values (1, count, 3) of each unit's next sample, a copy.
+
+    :param rows: row of ``values`` of all units, or rows (count,) and units (count,).
+    :param values: (AHEAD, count, 3) values of the next samples; (1, count, 3): constant ones.
+    """
     if len(values) == 1:
         return np.copy(values)
     if isinstance(rows, int):
         return np.copy(values[rows : rows + 1])
     row, unit = rows
+    # ``values[row, unit]``, by places in the memory, in which the units of an axis are contiguous.
     memory = values.swapaxes(1, 2).reshape(-1)
     count = len(unit)
     begin = row * (3 * count) + unit

@@ -64,7 +64,7 @@ class LidarReadings(SensorReadings):
     true_range: Single
     """(n, m) along the true direction [m]; infinite: nothing there."""
     true_point: Single
-    """(n, m, 3) what each ray met, in the sensor's frame at the start of the scan [m]."""
+    """(n, m, 3) point that each ray met, in the sensor's frame at the start of the scan [m]."""
     range_error: Single
     """(n, m) measured minus true range [m]."""
     incidence: Single
@@ -96,12 +96,12 @@ def clouds(readings: Samples | LidarReadings, scans: Iterable[int]) -> Iterator[
         rows = np.isfinite(readings.range[k])
         distance = readings.range[k][rows]
         yield Cloud(
-            int(readings.t_ns[k]),
-            distance[:, None] * readings.direction[k][rows],
-            readings.intensity[k][rows],
-            readings.ring[k][rows],
-            readings.time[k][rows],
-            distance,
+            t_ns=int(readings.t_ns[k]),
+            xyz=distance[:, None] * readings.direction[k][rows],
+            intensity=readings.intensity[k][rows],
+            ring=readings.ring[k][rows],
+            time=readings.time[k][rows],
+            range=distance,
         )
 
 
@@ -140,7 +140,7 @@ def _topic(
 
         return payloads
 
-    return Topic(name, kind[0], (), make, truth, foreign)
+    return Topic(name=name, type=kind[0], flags=(), payloads=make, truth=truth, foreign=foreign)
 
 
 def _points(readings: Samples, scans: Iterable[int], parameters: LidarParameters) -> Rays:

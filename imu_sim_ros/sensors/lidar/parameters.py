@@ -263,7 +263,7 @@ class LidarParameters(SensorParameters):
                 f"fit into {prefix}firing_period, {self.firing_period:g} s"
             )
         if channels:
-            yield from self._too_many(prefix, channels * self.span / self.firing_period)
+            yield from self._ray_count_problems(prefix, channels * self.span / self.firing_period)
 
     def _problems_of_rosette(self, prefix: str) -> Iterator[str]:
         """Yield problems of a lidar with rotating prisms."""
@@ -274,7 +274,7 @@ class LidarParameters(SensorParameters):
             )
         if sum(self.prism_deflections_deg) + self._above() > 89.0:
             yield f"{prefix}prism_deflections_deg: beams must stay within 89 deg of x"
-        yield from self._too_many(prefix, self.point_rate * self.span)
+        yield from self._ray_count_problems(prefix, self.point_rate * self.span)
 
     def _problems_of_nodding(self, prefix: str) -> Iterator[str]:
         """Yield problems of a nodding lidar."""
@@ -283,7 +283,7 @@ class LidarParameters(SensorParameters):
             yield f"{prefix}elevation_limits_deg = {list(limits)}: must be two numbers in order"
         elif max(-limits[0], limits[1]) + self._above() > 90.0:
             yield f"{prefix}line_spacing_deg: lines must stay within 90 deg of the horizon"
-        yield from self._too_many(prefix, self.point_rate * self.span)
+        yield from self._ray_count_problems(prefix, self.point_rate * self.span)
 
     def _problems_of_table(self, prefix: str) -> Iterator[str]:
         """Yield problems of a pattern in a table."""
@@ -294,7 +294,7 @@ class LidarParameters(SensorParameters):
         """Return how far the outer lines are from the middle [deg]."""
         return 0.5 * (self.lines - 1) * self.line_spacing_deg
 
-    def _too_many(self, prefix: str, rays: float) -> Iterator[str]:
+    def _ray_count_problems(self, prefix: str, rays: float) -> Iterator[str]:
         """Yield a problem if a scan has too many rays, or none."""
         if not 1.0 <= rays <= MOST_RAYS:
             yield f"{prefix}rate = {self.rate:g}: a scan has {rays:.0f} rays; 1 to {MOST_RAYS:,}"

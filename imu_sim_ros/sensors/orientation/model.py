@@ -163,11 +163,11 @@ class Orientation(FixedModel):
         rows = np.flatnonzero((block.first + np.arange(len(block.true_t_ns))) % self._every == 0)
         delivered = block.delivered[(block.first + block.delivered) % self._every == 0]
         return Samples(
-            block.true_t_ns[rows],
-            block.t_ns[rows],
-            block.release_t_ns[rows],
-            np.searchsorted(rows, delivered),
-            {
+            true_t_ns=block.true_t_ns[rows],
+            t_ns=block.t_ns[rows],
+            release_t_ns=block.release_t_ns[rows],
+            delivered=np.searchsorted(rows, delivered),
+            values={
                 "q_wi": q[rows],
                 "variance": variance[rows],
                 "ideal_q_wi": truth[rows],

@@ -47,7 +47,13 @@ class Pose(FixedModel):
         """Return the samples in a window."""
         _, true_t_ns, t = self._times.within(window)
         rows = np.arange(len(true_t_ns))
-        return Samples(true_t_ns, true_t_ns, true_t_ns, rows, world.motion(t)._asdict())
+        return Samples(
+            true_t_ns=true_t_ns,
+            t_ns=true_t_ns,
+            release_t_ns=true_t_ns,
+            delivered=rows,
+            values=world.motion(t)._asdict(),
+        )
 
 
 @dataclass(frozen=True, repr=False, eq=False, kw_only=True)

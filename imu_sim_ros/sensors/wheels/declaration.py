@@ -94,7 +94,7 @@ def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Top
 
         return payloads
 
-    return Topic(name, JOINT_STATE, (), make, truth)
+    return Topic(name=name, type=JOINT_STATE, flags=(), payloads=make, truth=truth)
 
 
 def _odometry(name: str, truth: bool = False) -> Topic:
@@ -118,7 +118,7 @@ def _odometry(name: str, truth: bool = False) -> Topic:
 
         return payloads
 
-    return Topic(name, ODOMETRY, (), make, truth)
+    return Topic(name=name, type=ODOMETRY, flags=(), payloads=make, truth=truth)
 
 
 def _measured_motion(samples: Samples, rows: Rows) -> tuple[Array, ...]:

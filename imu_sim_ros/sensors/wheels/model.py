@@ -11,7 +11,7 @@ radii and distances, the wheels have the true ones.
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -87,6 +87,22 @@ def point_twist(motion: Motion, lever_arm: Array, q_bs: Array) -> tuple[Array, A
     )
 
 
+class _Turns(NamedTuple):
+    """Angles and speeds of m wheels, and perhaps of a steering, at n samples."""
+
+    angle: Array
+    """(n, m), or (n,) of a steering [rad]."""
+    speed: Array
+    """(n, m), or (n,) of a steering; means over the intervals before the samples [rad/s]."""
+
+    def append(self, steering: "_Turns") -> "_Turns":
+        """Return the wheels' values, and the steering's as the last column."""
+        return _Turns(
+            np.column_stack([self.angle, steering.angle]),
+            np.column_stack([self.speed, steering.speed]),
+        )
+
+
 class Odometer(SensorModel[WheelsParameters]):
     """Encoders of all wheels, and the odometry that a robot computes from them."""
 
@@ -132,40 +148,30 @@ class Odometer(SensorModel[WheelsParameters]):
         )
         twist = np.column_stack([velocity[:, :2], omega[:, 2]])
         mean = self._mean(twist, np.column_stack([rate[:, :2], alpha[:, 2]]))
-        slipped = mean * np.array([1.0, 1.0, 1.0 + p.turn_slip])
-        rims = rows_times(self._rims, slipped)
-        ratio = self._patch_ratios(len(t))
-        if p.patch_boxes:
-            ratio += self._box_ratios(motion)
-        rims = rims * (1.0 + ratio)
-        drawn = np.column_stack([stream.standard_normal(len(t)) for stream in self._slips])
-        rims = rims + p.slip_noise * np.sqrt(np.abs(rims) / self._dt) * drawn
+        # By slip in turns the wheels turn more than the vehicle.
+        wheel_twist = mean * np.array([1.0, 1.0, 1.0 + p.turn_slip])
+        rims, ratio = self._slip(rows_times(self._rims, wheel_twist), motion)
         temperature = self._temperature.at(t)
         warmer = temperature[:, None] - p.reference_temperature
-        grown = 1.0 + p.radius_temperature_coefficient * warmer
-        radius = np.array(self._unit.true_radii) * grown
-        ideal, angle, speed = self._turn(rims / radius)
-        measured = rows_times(self._to_twist, p.radius * speed)
+        radius = np.array(self._unit.true_radii) * (1.0 + p.radius_temperature_coefficient * warmer)
+        true, measured = self._turn(rims / radius)
+        measured_twist = rows_times(self._to_twist, p.radius * measured.speed)
         with_slip = rows_times(self._to_true_twist, rims)
-        if p.model == "ackermann":
-            true, steered = self._steer(slipped)
-            measured[:, 2] = measured[:, 0] * np.tan(steered[:, 0]) / p.wheelbase
-            with_slip[:, 2] = with_slip[:, 0] * np.tan(true[:, 0]) / self._unit.true_base[1]
-            angle = np.column_stack([angle, steered[:, 0]])
-            speed = np.column_stack([speed, steered[:, 1]])
-            ideal = (
-                np.column_stack([ideal[0], true[:, 0]]),
-                np.column_stack([ideal[1], true[:, 1]]),
-            )
+        if p.model == "ackermann":  # the steering determines the turn, not the wheels
+            true_steering, steering = self._steer(wheel_twist)
+            measured_twist[:, 2] = measured_twist[:, 0] * np.tan(steering.angle) / p.wheelbase
+            slope = np.tan(true_steering.angle)
+            with_slip[:, 2] = with_slip[:, 0] * slope / self._unit.true_base[1]
+            true, measured = true.append(true_steering), measured.append(steering)
         return {
-            "twist": measured,
+            "twist": measured_twist,
             "ideal_twist": mean,
             "true_twist": np.column_stack([velocity, omega]),
             "true_pose": self._relative(motion),
-            "angle": angle,
-            "speed": speed,
-            "ideal_angle": ideal[0],
-            "ideal_speed": ideal[1],
+            "angle": measured.angle,
+            "speed": measured.speed,
+            "ideal_angle": true.angle,
+            "ideal_speed": true.speed,
             "slip": with_slip - mean,
             "slip_ratio": ratio,
             "temperature": temperature,
@@ -193,6 +199,19 @@ class Odometer(SensorModel[WheelsParameters]):
         self._last_twist = twist[-1].copy(), rate[-1].copy()
         return 0.5 * (previous + twist) + self._dt / 12.0 * (slopes - rate)
 
+    def _slip(self, rims: Array, motion: Motion) -> tuple[Array, Array]:
+        """Return the speeds of the rims (n, m) [m/s] with slip, and their excess ratios (n, m).
+
+        :param rims: (n, m) speeds of the rims of m wheels that roll on the ground.
+        """
+        ratio = self._patch_ratios(len(rims))
+        if self.parameters.patch_boxes:
+            ratio += self._box_ratios(motion)
+        rims = rims * (1.0 + ratio)
+        numbers = np.column_stack([stream.standard_normal(len(rims)) for stream in self._slips])
+        noise = self.parameters.slip_noise * np.sqrt(np.abs(rims) / self._dt) * numbers
+        return rims + noise, ratio
+
     def _patch_ratios(self, count: int) -> Array:
         """Return the excess ratios of the wheels on patches (count, m)."""
         ratio = np.zeros((count, len(self._patch_streams)))
@@ -219,14 +238,14 @@ class Odometer(SensorModel[WheelsParameters]):
                 ratio[:, k] = np.maximum(ratio[:, k], box[6] * in_box)
         return ratio
 
-    def _turn(self, speed: Array) -> tuple[tuple[Array, Array], Array, Array]:
-        """Return true angles and speeds of n samples of m wheels, then both as measured.
+    def _turn(self, speed: Array) -> tuple[_Turns, _Turns]:
+        """Return true angles and speeds (n, m) of m wheels, then both as measured.
 
         :param speed: (n, m) mean speeds over the intervals [rad/s].
         """
         noise = self.parameters.encoder_noise
         if not len(speed):
-            return (speed, speed), speed, speed
+            return _Turns(speed, speed), _Turns(speed, speed)
         if self._is_at_start:
             start = np.array([stream.standard_normal() for stream in self._noise])
             self._angle = -speed[0] * self._dt
@@ -237,15 +256,16 @@ class Odometer(SensorModel[WheelsParameters]):
             [self._last_counts[None], self._round_to_counts(turned[1:] + noise * drawn)]
         )
         self._angle, self._last_counts = turned[-1], measured[-1]
-        return (turned[1:], speed), measured[1:], np.diff(measured, axis=0) / self._dt
+        measured_speed = np.diff(measured, axis=0) / self._dt
+        return _Turns(turned[1:], speed), _Turns(measured[1:], measured_speed)
 
     def _round_to_counts(self, angle: Array) -> Array:
         """Return angles rounded to whole counts."""
         ticks = self.parameters.ticks
         return np.rint(angle * (ticks / math.tau)) * (math.tau / ticks) if ticks else angle
 
-    def _steer(self, twist: Array) -> tuple[Array, Array]:
-        """Return the steering's true angle and rate (n, 2) for a twist; then both as measured."""
+    def _steer(self, twist: Array) -> tuple[_Turns, _Turns]:
+        """Return the steering's true angle and rate (n,) for a twist (n, 3), then as measured."""
         p, wheelbase = self.parameters, self._unit.true_base[1]
         moves = twist[:, 0] != 0.0
         ratio = np.divide(twist[:, 2], twist[:, 0], out=np.zeros(len(twist)), where=moves)
@@ -253,12 +273,11 @@ class Odometer(SensorModel[WheelsParameters]):
         noise = p.steering_noise * self._steering.standard_normal(len(twist))
         both = np.column_stack([true, true + self._unit.steering_offset[0] + noise])
         if not len(both):
-            return both, both
+            return _Turns(true, true), _Turns(true, true)
         previous = both[0] if self._is_at_start else self._steered
         rates = np.diff(np.concatenate([previous[None], both]), axis=0) / self._dt
         self._steered = both[-1]
-        true_pair, read_pair = (np.column_stack([both[:, k], rates[:, k]]) for k in (0, 1))
-        return true_pair, read_pair
+        return _Turns(both[:, 0], rates[:, 0]), _Turns(both[:, 1], rates[:, 1])
 
     def _relative(self, motion: Motion) -> Array:
         """Return true poses (n, 7), x, y, z and q (w, x, y, z), relative to the first reading."""

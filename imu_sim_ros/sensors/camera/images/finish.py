@@ -68,7 +68,7 @@ class Glossy(NamedTuple):
 
 def _eye(planes: Planes, which: Integers, rows: Integers) -> tuple[Single, Single]:
     """Return s and r of the eye's foot on rectangles (2, p, k), and its height (p, k) [m]."""
-    vectors, start = planes.seen(which, rows)
+    vectors, start = planes.select(which, rows)
     normal = vectors[0]
     square = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]
     return start, 1 / np.sqrt(square)

@@ -8,6 +8,11 @@ pixel's footprint, in the shadows of bodies, with its gloss. Where an edge, or t
 planes meet, may cross a pixel, what is seen at eight points of it. ``1 / t``, ``s / t`` and
 ``r / t`` are linear in the ray, so a pixel's steps to its neighbours give them at each point.
 
+Names in all functions: ``m`` number of a rectangle; ``k`` number of its pose, the image's row if
+the camera moves during the exposure, else 0; ``p`` number of a pair of a cell and a rectangle;
+``t`` distance along a ray, in lengths of its direction; ``s`` and ``r`` coordinates of a point in a
+rectangle, from 0 to 1 along its two sides.
+
 Real numbers have 32 bits, and no product and sum become one step: the bits of a picture are the
 same on every processor. All functions that call each other are in this file
 (:func:`numba_function`). Rays that meet the triangles of a mesh look in the same way, each at a
@@ -348,8 +353,11 @@ def measure(
 ) -> None:
     """Write depth (h, w) [m] and number of the body (h, w) that rays hit; 0: nothing.
 
+    :param rays: (3, h, w) directions in the camera's frame.
     :param origin: as of :func:`paint`.
-    :param bodies: (m,) of each rectangle.
+    :param planes: m rectangles in the camera's frame, for each row of the image or for all.
+    :param pairs: the rectangles in each cell of the image.
+    :param bodies: (m,) number of the body of each rectangle; 0: it does not move.
     """
     height, width = depth.shape
     vectors, start = planes
@@ -580,9 +588,14 @@ def _shade(
 def light_share(
     s: np.float32, r: np.float32, length: np.float32, radius: np.float32, depth: np.float32
 ) -> np.float32:
-    """Return the share of the light that is left at a point of a shadow's floor.
+    """Return the share of the light that is left at a point of the floor in a shadow.
 
-    ``1 - depth (1 - (d / radius)^2)^2`` at a distance d from a line.
+    ``1 - depth (1 - (d / radius)^2)^2`` at a distance d from a line, which lies in the middle of a
+    rectangle of the floor, a radius from its sides.
+
+    :param s: the point's coordinate in the rectangle along the line, from 0 to 1; ``r`` across it.
+    :param length: length of the line [m]; ``radius`` reach of the shadow around it [m].
+    :param depth: share of the light that is missing on the line.
     """
     along = s * (length + _TWO * radius) - radius
     along -= min(max(along, _ZERO), length)
@@ -622,11 +635,11 @@ def _polish(
     s: np.float32,
     r: np.float32,
 ) -> None:
-    """Change a value (colours,) by the gloss of the region that a point of a pair lies in.
+    """Change a value (colours,) by the gloss of the region in which a point of a pair lies.
 
-    Of several the last counts: what lies on another comes after it.
+    Of several regions the last one counts: what lies on another comes after it.
 
-    :param added: (colours,) space.
+    :param added: (colours,) memory, which is overwritten.
     """
     for j in range(gloss.first[p + 1] - 1, gloss.first[p] - 1, -1):
         region = gloss.sheen.regions[gloss.region[j]]

@@ -45,11 +45,11 @@ class Look:
         tinted = not self.textured or bool((colours != 255).any())
         count, none = len(mesh.faces), np.zeros((0, 0), np.float32)
         self.triangles = Triangles(
-            mesh.texture + np.int32(1),
-            np.zeros((8, count), np.float32) if self.textured else none,
-            np.zeros(count if self.textured else 0, np.float32),
-            np.zeros((4 * colours.shape[2], count), np.float32) if tinted else none,
-            _shades(mesh) if sun else none,
+            texture=mesh.texture + np.int32(1),
+            uv=np.zeros((8, count), np.float32) if self.textured else none,
+            density=np.zeros(count if self.textured else 0, np.float32),
+            tints=np.zeros((4 * colours.shape[2], count), np.float32) if tinted else none,
+            shades=_shades(mesh) if sun else none,
         )
         for part, gradient in _gradients(mesh, middle):
             if self.textured:

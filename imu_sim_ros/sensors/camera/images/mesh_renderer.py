@@ -200,7 +200,14 @@ class MeshRenderer:
         for k in range(3):
             point[k] = start[:, k] + distance * ways[:, k]
         number = np.where(nothing, 0, hits.surface)
-        return MeshHits(number, nothing, hits.distance, along, point, ways)
+        return MeshHits(
+            number=number,
+            nothing=nothing,
+            distance=hits.distance,
+            along=along,
+            point=point,
+            way=ways,
+        )
 
     def _paint(self, hits: MeshHits, pitch: Single) -> Bytes:
         """Return the grey values (n,) or colours (n, 3) of rays.

@@ -46,7 +46,7 @@ class Planes(NamedTuple):
         """Return a table without rectangles, for the same poses."""
         return Planes(self.vectors[:0], self.start[:0])
 
-    def seen(self, which: Integers, rows: Integers) -> tuple[Single, Single]:
+    def select(self, which: Integers, rows: Integers) -> tuple[Single, Single]:
         """Return vectors (3, 3, p, k) and start (2, p, k) of some rectangles (p,).
 
         :param rows: (p, k) rows of the rays; k is 1 for one pose.
@@ -69,7 +69,7 @@ class Planes(NamedTuple):
         :param rows: (p, k) rows of the rays.
         :param threshold: 1 / t above which a plane is before a ray.
         """
-        vectors, start = self.seen(which, rows)
+        vectors, start = self.select(which, rows)
         dots = _dots(vectors, rays)
         inverse, positions = dots[0], dots[1:]
         in_front = inverse > threshold
@@ -79,7 +79,7 @@ class Planes(NamedTuple):
 
     def linear(self, which: Integers, rays: Single, rows: Integers) -> Single:
         """Return 1 / t, s / t and r / t (3, p, k) of rays (3, p, k): linear in the ray."""
-        vectors, start = self.seen(which, rows)
+        vectors, start = self.select(which, rows)
         dots = _dots(vectors, rays)
         dots[1:] += start * dots[0]
         return dots

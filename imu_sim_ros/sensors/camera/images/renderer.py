@@ -200,7 +200,7 @@ class Renderer:
             gloss = Glossy.of(polish, planes, face, pairs, probes, self._cell_angle)
         cells = self._grid.rows * self._grid.columns
         shades = Shades.of(cells, planes.none(), list(self._shadows(eyes)))
-        return Visible(planes, pairs, pair_patches, shades, gloss)
+        return Visible(planes=planes, pairs=pairs, patches=pair_patches, shades=shades, gloss=gloss)
 
     def _facing(self, k: int, position: Array, r_wc: Array) -> Integers:
         """Return the numbers of the surfaces of which the front is towards a position of (n, 3).
@@ -275,7 +275,9 @@ class _Fronts(NamedTuple):
     def some(self, numbers: Integers) -> tuple[Surfaces, Array]:
         """Return the rectangles of some numbers, and their normals."""
         o, a, b, hides, _ = self.surfaces
-        some = Surfaces(o[numbers], a[numbers], b[numbers], hides[numbers], ())
+        some = Surfaces(
+            origin=o[numbers], across=a[numbers], up=b[numbers], hides=hides[numbers], texture=()
+        )
         return some, self.normals[numbers]
 
 

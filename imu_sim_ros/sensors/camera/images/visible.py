@@ -62,10 +62,10 @@ class MeshHits(NamedTuple):
     def some(self, which: Integers) -> "MeshHits":
         """Return the intersections of some of the rays."""
         return MeshHits(
-            self.number.take(which),
-            self.nothing.take(which),
-            self.distance.take(which),
-            self.along.take(which),
-            self.point.take(which, axis=1),
-            self.way.take(which, axis=0),
+            number=self.number.take(which),
+            nothing=self.nothing.take(which),
+            distance=self.distance.take(which),
+            along=self.along.take(which),
+            point=self.point.take(which, axis=1),
+            way=self.way.take(which, axis=0),
         )
