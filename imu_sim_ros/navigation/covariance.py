@@ -24,7 +24,6 @@ noise, Gauss-Markov biases and unknown scales are there, too, as :class:`SlowErr
 Not in it: temperature, range, bandwidth and losses, and what steps of the integration leave out.
 """
 
-import math
 import struct
 from collections.abc import Sequence
 from functools import lru_cache
@@ -192,10 +191,9 @@ class Covariance:
         """The sum of the steps' transitions, its rows of attitude and velocity."""
         self._begin_interval(self._attitude_and_rates())
 
-    @property
-    def is_finite(self) -> bool:
-        """True if the covariance is valid; no entry is larger than those of the diagonal allow."""
-        return math.isfinite(sum(self._diagonal.tolist()))
+    def variances(self) -> list[float]:
+        """Return the (15,) diagonal of P; the covariance is finite if these are."""
+        return self._diagonal.tolist()
 
     def _begin_interval(self, start: Array) -> None:
         """Start to collect the terms of second order.

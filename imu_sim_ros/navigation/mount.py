@@ -19,7 +19,7 @@ import numpy as np
 
 from imu_sim_ros.core import components, rotation
 from imu_sim_ros.core.components import Component, Quaternion, quaternion, stack, vector
-from imu_sim_ros.core.records import LiveState, States
+from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.increments import State
 from imu_sim_ros.navigation.parameters import IntegratorImuParameters
@@ -65,21 +65,20 @@ class ImuMount(NamedTuple):
         body = _body_state(state, vector(rate_i), arm, q_ib)
         return states_of(imu.t_ns, *(stack(columns) for columns in body))
 
-    def body_state(self, t_ns: int, imu: State[float], rate_i: Vector) -> LiveState:
-        """Return the body's state at one time.
+    def body_state(
+        self, imu: State[float], rate_i: Vector
+    ) -> tuple[Vector, Quaternion[float], Vector, Vector]:
+        """Return pose and twist of the body, as in a :class:`~imu_sim_ros.core.records.LiveState`.
 
-        :param t_ns: stamp [ns].
         :param imu: position, velocity and attitude of the IMU.
         :param rate_i: angular rate relative to the world, in the IMU's axes [rad/s].
         """
-        if self == ALIGNED:
-            position, velocity, q_wb = imu
-            velocity_b = components.rotate_inverse(q_wb, velocity)
-            return LiveState(t_ns, position, q_wb, velocity_b, rate_i)
-        q_ib = components.conjugate(self.q_bi)
-        position, velocity, q_wb = _body_state(imu, rate_i, self.arm_i, q_ib)
-        velocity_b = components.rotate_inverse(q_wb, velocity)
-        return LiveState(t_ns, position, q_wb, velocity_b, components.rotate(self.q_bi, rate_i))
+        position, velocity, q_wb = imu
+        if self != ALIGNED:
+            q_ib = components.conjugate(self.q_bi)
+            position, velocity, q_wb = _body_state(imu, rate_i, self.arm_i, q_ib)
+            rate_i = components.rotate(self.q_bi, rate_i)
+        return position, q_wb, components.rotate_inverse(q_wb, velocity), rate_i
 
     def pose_covariance(self, imu: Array, q_wb: Quaternion[float]) -> Array:
         """Return the covariance of the body's pose, position and rotation about the world's axes.

@@ -141,6 +141,10 @@ _NAMES = tuple(field.name for field in fields(Correction))
 
 
 def correction_of(parameters: IntegratorParameters) -> Correction:
-    """Return the correction that the parameters of an integrator describe."""
+    """Return the correction that the parameters of an integrator describe.
+
+    It is ``NO_CORRECTION`` itself if they state no error.
+    """
     values = field_values(parameters)
-    return Correction(**{name: values[name] for name in _NAMES})
+    correction = Correction(**{name: values[name] for name in _NAMES})
+    return NO_CORRECTION if correction == NO_CORRECTION else correction

@@ -177,17 +177,26 @@ class Stepper:
         :param gyro: angular rate as read [rad/s].
         :param accel: specific force as read [m/s^2].
         """
-        reading = self.correction.correct(gyro, accel)
+        rate, force = gyro, accel
+        if self.correction is not NO_CORRECTION:
+            rate, force = self.correction.correct(gyro, accel)
         stepped = False
         if self.t_ns is not None:
             step_ns = t_ns - self.t_ns
             stepped = 0 < step_ns <= self.longest_step_ns
             if stepped:
-                self._advance(step_ns * 1e-9, *reading)
+                h = step_ns * 1e-9
+                rates, forces = (self.angular_velocity, rate), (self.specific_force, force)
+                if self._attitude == "euler_angles":
+                    increment = self._angle_increment(h, rates, forces)
+                else:
+                    increment = self._between(self._attitude, h, rates, forces)
+                start = (self.position, self.velocity, self.q_wb)
+                end = increments.states(start, h, increment, self._world)
+                self.position, self.velocity, self.q_wb = end
             else:
                 self._count(step_ns)
-        self.t_ns = t_ns
-        self.angular_velocity, self.specific_force = reading
+        self.t_ns, self.angular_velocity, self.specific_force = t_ns, rate, force
         return stepped
 
     def _count(self, step_ns: int) -> None:
@@ -199,17 +208,8 @@ class Stepper:
         else:
             self.counts.gaps += 1
 
-    def _advance(self, h: float, rate: Vector, force: Vector) -> None:
-        """Integrate a step of length h [s] to a reading."""
-        increment = self._increment(h, (self.angular_velocity, rate), (self.specific_force, force))
-        start = (self.position, self.velocity, self.q_wb)
-        end = increments.states(start, h, increment, self._world)
-        self.position, self.velocity, self.q_wb = end
-
-    def _increment(self, h: float, rate: Ends[float], force: Ends[float]) -> Increment[float]:
-        """Return the increment of a step of h [s] in the chosen attitude representation."""
-        if self._attitude != "euler_angles":
-            return self._between(self._attitude, h, rate, force)
+    def _angle_increment(self, h: float, rate: Ends[float], force: Ends[float]) -> Increment[float]:
+        """Return the increment of a step of h [s] in Euler angles."""
         roll_pitch_yaw = to_euler(self.q_wb)
         if angles.is_near_gimbal_lock(roll_pitch_yaw[1], h, rate[0]):
             self.counts.gimbal_lock += 1

@@ -22,7 +22,7 @@ from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD
 from imu_sim_ros.bags.messages.layouts import FIRST, STAMP_OFFSET
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.core import gate, rotation
-from imu_sim_ros.core.components import Quaternion, Vector
+from imu_sim_ros.core.components import Quaternion
 from imu_sim_ros.core.conventions import ACCEL_UNITS, GYRO_UNITS, TRIADS
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.records import LiveReading, LiveState, LiveValue
@@ -224,7 +224,11 @@ class ReadingDecoder:
             gx, gy, gz = k_gyro * gx, k_gyro * gy, k_gyro * gz
         if k_accel != 1.0:
             ax, ay, az = k_accel * ax, k_accel * ay, k_accel * az
-        reading = _check(second, nanosecond, (gx, gy, gz), (ax, ay, az))
+        t_ns, gyro, accel = second * NANOSECONDS_PER_SECOND + nanosecond, (gx, gy, gz), (ax, ay, az)
+        overflows = nanosecond >= NANOSECONDS_PER_SECOND
+        if second < 0 or overflows or not gate.is_reading(t_ns, gyro, accel):
+            raise _refusal(_stamp(second, nanosecond), (gate.RATE, gyro), (gate.FORCE, accel))
+        reading = LiveReading(t_ns, gyro, accel)
         if (
             not self._oriented
             or stated < 0.0
@@ -322,18 +326,6 @@ def _unit(q: Quaternion[float]) -> Quaternion[float]:
     """Return a quaternion with length 1."""
     w, x, y, z = rotation.normalise(q).tolist()
     return (w, x, y, z)
-
-
-def _check(second: int, nanosecond: int, gyro: Vector[float], accel: Vector[float]) -> LiveReading:
-    """Return a reading that the gate passes.
-
-    :raises InputError: for any other.
-    """
-    t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
-    overflows = nanosecond >= NANOSECONDS_PER_SECOND
-    if second < 0 or overflows or not gate.is_reading(t_ns, gyro, accel):
-        raise _refusal(_stamp(second, nanosecond), (gate.RATE, gyro), (gate.FORCE, accel))
-    return LiveReading(t_ns, gyro, accel)
 
 
 def _stamp(second: int, nanosecond: int) -> int:

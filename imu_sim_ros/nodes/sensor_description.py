@@ -112,13 +112,10 @@ class SensorDescription:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(_LOOK_PERIOD, self._look, clock=steady)
 
-    def hold(self, topic: str, batch: list[Taken]) -> bool:
-        """Keep messages of a topic back; return False if they need not wait. The lock is held."""
-        if self.settled:
-            return False
+    def hold(self, topic: str, batch: list[Taken]) -> None:
+        """Keep messages of a topic back; not to be called once it is settled. The lock is held."""
         self._first = self._first or time.monotonic()
         self._held.append((topic, batch))
-        return True
 
     def settle(self) -> None:
         """Stop waiting."""

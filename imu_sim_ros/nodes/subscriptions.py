@@ -99,26 +99,23 @@ class PollTimer:
         :param last_ns: when the last of them arrived; does not matter if there is none.
         :param now_ns: the time on the same clock.
         """
-        passed = now_ns - last_ns
-        if not count or not (self._is_regular(last_ns, count) and 0 <= passed < _LONGEST_NS):
-            return self._period_ns * 1e-9
-        messages = 1 + int(self._period_ns / self._interval + _NEARLY)
-        delay = messages * self._interval + _MARGIN_NS - passed
-        return max(0.0, min(delay, _LONGEST_NS)) * 1e-9
-
-    def _is_regular(self, last_ns: int, count: int) -> bool:
-        """Note the latest arrivals; return whether the next ones can be predicted."""
-        interval = (last_ns - self._last_ns) / count
-        self._last_ns = last_ns
-        off = interval - self._interval
-        if abs(off) <= _TOLERANCE * self._interval:
-            self._trust = min(self._trust + 1, _MAX_TRUSTED)
-            self._interval += _SMOOTHING * off
-            return self._trust >= _TRUSTED
-        self._trust = max(self._trust - _TRUSTED, 0)
-        if not self._trust:
-            self._interval = max(interval, 0.0)
-        return False
+        if count:
+            interval = (last_ns - self._last_ns) / count
+            self._last_ns = last_ns
+            off = interval - self._interval
+            if abs(off) <= _TOLERANCE * self._interval:
+                self._trust = min(self._trust + 1, _MAX_TRUSTED)
+                self._interval += _SMOOTHING * off
+                passed = now_ns - last_ns
+                if self._trust >= _TRUSTED and 0 <= passed < _LONGEST_NS:
+                    messages = 1 + int(self._period_ns / self._interval + _NEARLY)
+                    delay = messages * self._interval + _MARGIN_NS - passed
+                    return max(0.0, min(delay, _LONGEST_NS)) * 1e-9
+            else:
+                self._trust = max(self._trust - _TRUSTED, 0)
+                if not self._trust:
+                    self._interval = max(interval, 0.0)
+        return self._period_ns * 1e-9
 
 
 class _Source(NamedTuple):
@@ -157,7 +154,7 @@ class RawSubscriptions:
         self._group = _OutsideTheExecutor()
         self._sources: dict[str, _Source] = {}
         self._lock = threading.Lock()
-        self._subscribed, self._ended = threading.Event(), threading.Event()
+        self._subscribed, self._ended = threading.Event(), False
         self._thread = SupervisedThread("reader", self._run, fail)
         self._thread.start()
 
@@ -183,7 +180,7 @@ class RawSubscriptions:
 
     def close(self) -> None:
         """Process the messages so far and end the thread."""
-        self._ended.set()
+        self._ended = True
         self._subscribed.set()
         self._thread.join()
 
@@ -191,8 +188,8 @@ class RawSubscriptions:
         """Take the messages of all topics until the end; runs in a thread."""
         self._subscribed.wait()
         delay, release_s = self._period, time.monotonic()
-        while not self._ended.is_set():
-            # Waiting for the event would take longer; the end waits for this instead.
+        while not self._ended:
+            # Waiting for an event would take longer; the end waits for this instead.
             time.sleep(delay)
             leading = self._look()
             if self._release is not None and time.monotonic() >= release_s:

@@ -61,9 +61,10 @@ class Refusals:
     def keep_timed(
         self, topic: str, stamps: StampWatch, messages: Sequence[_StampedT]
     ) -> Sequence[_StampedT]:
-        """Return the messages of a topic whose stamps are a time; others are refused."""
-        if stamps.done:
-            return messages
+        """Return the messages of a topic whose stamps are a time; others are refused.
+
+        Once the watch is done all of them are.
+        """
         passed: list[_StampedT] = []
         for message in messages:
             try:

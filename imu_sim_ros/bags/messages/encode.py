@@ -48,9 +48,6 @@ _SOURCE_DOPPLER: Final = 4
 _FEW: Final = 16
 """Largest number of messages that are encoded row by row; more are encoded by columns."""
 _STAMP: Final = struct.Struct("<II")
-_VECTOR: Final = struct.Struct("<3d")
-_POSE: Final = struct.Struct("<7d")
-_TWIST: Final = struct.Struct("<6d")
 ROS_ORDER: Final = [1, 2, 3, 0]
 """Indices of (x, y, z, w) in (w, x, y, z)."""
 
@@ -189,6 +186,8 @@ class ImuEncoder(Encoder):
             angular_velocity_covariance=_matrix3(gyro_covariance).ravel(),
             linear_acceleration_covariance=_matrix3(accel_covariance).ravel(),
         )
+        numbers = ("sec", "nanosec", "angular_velocity", "linear_acceleration")
+        self._struct, self._parts = self.layout.packer(numbers, self._template)
 
     def pattern(
         self,
@@ -225,11 +224,10 @@ class ImuEncoder(Encoder):
 
         The arguments are rows of those of :meth:`pattern`.
         """
-        row, fields_of_row = bytearray(self._template), self._fields
-        _STAMP.pack_into(row, fields_of_row["sec"][1], *self._stamp(t_ns))
-        _VECTOR.pack_into(row, fields_of_row["angular_velocity"][1], *gyro)
-        _VECTOR.pack_into(row, fields_of_row["linear_acceleration"][1], *accel)
-        return bytes(row)
+        header, frame, gyro_covariance, accel_covariance = self._parts
+        stamp = self._stamp(t_ns)
+        numbers = (header, *stamp, frame, *gyro, gyro_covariance, *accel, accel_covariance)
+        return self._struct.pack(*numbers)
 
 
 class OdometryEncoder(Encoder):
@@ -239,10 +237,8 @@ class OdometryEncoder(Encoder):
 
     def __init__(self, frame_id: str, child_frame_id: str, encoding: str = "cdr") -> None:
         super().__init__(layout(self.type_name, encoding, (frame_id, child_frame_id)))
-        self._pose_covariance, self._twist_covariance = (
-            slice(offset, offset + kind.itemsize)
-            for kind, offset in (self._fields["pose_covariance"], self._fields["twist_covariance"])
-        )
+        numbers = ("sec", "nanosec", "position", "orientation", "linear", "angular")
+        self._struct, self._parts = self.layout.packer(numbers, self._template)
 
     def pattern(
         self,
@@ -295,16 +291,14 @@ class OdometryEncoder(Encoder):
 
         The arguments are rows of those of :meth:`pattern`.
         """
-        row, fields_of_row = bytearray(self._template), self._fields
-        w, x, y, z = q_wb
-        _STAMP.pack_into(row, fields_of_row["sec"][1], *self._stamp(t_ns))
-        _POSE.pack_into(row, fields_of_row["position"][1], *position, x, y, z, w)
-        _TWIST.pack_into(row, fields_of_row["linear"][1], *velocity_b, *angular_velocity_b)
+        header, frames, of_pose, of_twist = self._parts
         if pose_covariance is not None:
-            row[self._pose_covariance] = pose_covariance.tobytes()
+            of_pose = pose_covariance.tobytes()
         if twist_covariance is not None:
-            row[self._twist_covariance] = twist_covariance.tobytes()
-        return bytes(row)
+            of_twist = twist_covariance.tobytes()
+        w, x, y, z = q_wb
+        pose = (header, *self._stamp(t_ns), frames, *position, x, y, z, w, of_pose)
+        return self._struct.pack(*pose, *velocity_b, *angular_velocity_b, of_twist)
 
 
 class PoseStampedEncoder(_OfFrame):

@@ -155,13 +155,36 @@ class Layout(NamedTuple):
         :param names: names of fields; with :data:`FIRST` behind it the first number alone.
         """
         form, end = "<", 0
+        for start, stop, code in self._spans(names):
+            form += f"{start - end}x{code}"
+            end = stop
+        return struct.Struct(form)
+
+    def packer(self, names: Sequence[str], template: bytes) -> tuple[struct.Struct, list[bytes]]:
+        """Return the struct that packs a message, and its constant parts.
+
+        The struct takes the numbers of some fields in the message's order, and the parts in front
+        of them, between them and behind them.
+
+        :param template: message with all other numbers.
+        """
+        form, end, parts = "<", 0, []
+        for start, stop, code in (*self._spans(names), (len(template), len(template), "")):
+            if start > end:
+                form += f"{start - end}s"
+                parts.append(template[end:start])
+            form += code
+            end = stop
+        return struct.Struct(form), parts
+
+    def _spans(self, names: Sequence[str]) -> Iterator[tuple[int, int, str]]:
+        """Yield start and stop of fields in the message's order, and the code of their numbers."""
         for name in sorted(names, key=lambda name: self.offset(name.removesuffix(FIRST))):
             field = name.removesuffix(FIRST)
             numbers = self.dtype[field]
             count = 1 if name != field else int(np.prod(numbers.shape, dtype=int))
-            form += f"{self.offset(field) - end}x{count}{numbers.base.char}"
-            end = self.offset(field) + count * numbers.base.itemsize
-        return struct.Struct(form)
+            start = self.offset(field)
+            yield start, start + count * numbers.base.itemsize, f"{count}{numbers.base.char}"
 
 
 class LayoutBuilder:

@@ -211,7 +211,8 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     def _add_readings(self, readings: Sequence[LiveReading]) -> None:
         """Add errors to readings in order, and publish them."""
-        readings = self._refusals.keep_timed(self._main, self._stamps, readings)
+        if not self._stamps.done:
+            readings = self._refusals.keep_timed(self._main, self._stamps, readings)
         if 0 < len(readings) <= _FEW and all(reading.q_wb is None for reading in readings):
             if self.outputs.has_readings_alone:
                 numbers = self.model.read_numbers(readings)
@@ -246,7 +247,8 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     def _add_states(self, odometry: Differentiator, states: Sequence[LiveState]) -> None:
         """Add errors to the readings that odometry in order tells, and publish them."""
-        states = self._refusals.keep_timed(self._main, self._stamps, states)
+        if not self._stamps.done:
+            states = self._refusals.keep_timed(self._main, self._stamps, states)
         if not states:
             return
         if self._twist is not None and not self._twist.done:

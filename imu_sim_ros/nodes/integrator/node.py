@@ -169,8 +169,10 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         """Process messages of one topic as they arrive."""
         self._received[topic] += len(batch)
         with self._lock:
-            if not self.sensor.hold(topic, batch):
+            if self.sensor.settled:
                 self._integrate(topic, batch)
+            else:
+                self.sensor.hold(topic, batch)
 
     def _integrate(self, topic: str, batch: list[Taken]) -> None:
         """Integrate messages of one topic and publish the results; the lock is held."""
@@ -195,7 +197,9 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         """Integrate readings in order, compare truths, and publish the results."""
         rows: list[LiveState] = []
         errors: list[PoseError] = []
-        for reading in self._refusals.keep_timed(IMU_TOPIC, self._stamps, readings):
+        if not self._stamps.done:
+            readings = self._refusals.keep_timed(IMU_TOPIC, self._stamps, readings)
+        for reading in readings:
             if not self._units.done and (findings := self._units.add(reading)):
                 INTEGRATOR.judge(findings, self.get_logger().warning)
             rows += self.odometer.add_reading(reading)

@@ -13,8 +13,8 @@ from rclpy.publisher import Publisher
 from imu_sim_ros.bags.messages.transforms import PathEncoder
 from imu_sim_ros.core import components, gate, rotation
 from imu_sim_ros.core.records import LiveReading, LiveState
-from imu_sim_ros.core.types import Array
-from imu_sim_ros.navigation.covariance import Covariance
+from imu_sim_ros.navigation.covariance import ATTITUDE, Covariance
+from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA
 from imu_sim_ros.navigation.mount import ALIGNED, mount_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NavigationState, correction_of
@@ -26,8 +26,6 @@ from imu_sim_ros.recordings.order import READINGS_GAP, RESTART_NS, LiveGap
 
 _SMOOTHING = 0.02
 """Weight of the newest interval in the usual one."""
-_SMALL_ANGLE = 0.5
-"""Standard deviation beyond which a first-order covariance of the attitude is not valid [rad]."""
 
 
 @dataclass
@@ -68,7 +66,7 @@ class LiveIntegrator:
         """Restart with the next readings."""
         self._gap = LiveGap(self.parameters.max_gap, READINGS_GAP)
         self._waiting: list[LiveReading] = []
-        """First readings, until it is known which of their steps are gaps."""
+        """Readings that are not integrated yet: the first ones, until their gaps are known."""
         self._initialiser = initialiser(self.parameters, self._gap, self._complain)
         self._stepper: Stepper | None = None
         self._covariance: Covariance | None = None
@@ -105,21 +103,15 @@ class LiveIntegrator:
     def add_reading(self, reading: LiveReading) -> list[LiveState]:
         """Add a reading; return one row, none while waiting, or many after the wait."""
         self.totals.readings += 1
-        readings = self._batches.add(reading)
-        if len(readings) == 1:
-            return self._take(readings[0])
-        return [row for reading in readings for row in self._take(reading)]
-
-    def _take(self, reading: LiveReading) -> list[LiveState]:
-        """Add a reading with a time of its own."""
-        self._gap.add(reading.t_ns)
-        if not self._gap.is_known:
-            self._waiting.append(reading)
-            return []
-        if not self._waiting:
-            return self._integrate(reading)
-        readings, self._waiting = [*self._waiting, reading], []
-        return [row for reading in readings for row in self._integrate(reading)]
+        rows: list[LiveState] = []
+        for timed_reading in self._batches.add(reading):
+            self._gap.add(timed_reading.t_ns)
+            self._waiting.append(timed_reading)
+            if self._gap.is_known:
+                readings, self._waiting = self._waiting, []
+                for next_reading in readings:
+                    rows += self._integrate(next_reading)
+        return rows
 
     def _integrate(self, reading: LiveReading) -> list[LiveState]:
         """Integrate a reading, with the gaps of the stream known."""
@@ -188,18 +180,20 @@ class LiveIntegrator:
                 self._covariance.advance(h, self._r_wi, force, rate)
         elif previous_ns is not None and not self._is_usable(previous_ns, reading):
             return None
-        if not self._is_sound(stepper, reading.t_ns):
+        variances = [] if self._covariance is None else self._covariance.variances()
+        # The state may leave if it is finite, and of possible size.
+        if not (
+            gate.is_pose(reading.t_ns, stepper.position, stepper.q_wb)
+            and gate.is_within(stepper.velocity, gate.VELOCITY)
+            and math.isfinite(sum(variances))
+        ):
             self._complain("the state has grown beyond any possible one; integration restarts")
             self.begin()
             return None
+        largest = max(variances[ATTITUDE], default=0.0)
+        if largest > LARGEST_SIGMA**2 and not self._uncertain:
+            self._complain_about_attitude(math.sqrt(largest))
         return self._row(stepper, reading.t_ns)
-
-    def _is_sound(self, stepper: Stepper, t_ns: int) -> bool:
-        """Return whether the state may leave: it is finite, and of possible size."""
-        sound = gate.is_pose(t_ns, stepper.position, stepper.q_wb)
-        if self._covariance is not None and sound:
-            sound = self._covariance.is_finite
-        return sound and gate.is_within(stepper.velocity, gate.VELOCITY)
 
     def _is_usable(self, previous_ns: int, reading: LiveReading) -> bool:
         """Report a reading that made no step; return whether its stamp is new."""
@@ -213,35 +207,32 @@ class LiveIntegrator:
             self._complain(f"a gap of {step:.6f} s, not integrated across ({counts.gaps})")
         return True
 
-    def _complain_about_attitude(self, pose: Array) -> None:
-        """Warn once that the attitude is too uncertain for the covariance to be valid."""
-        if self._uncertain:
-            return
-        variance = max(pose.item(3, 3), pose.item(4, 4), pose.item(5, 5))
-        if variance > _SMALL_ANGLE**2:
-            self._uncertain = True
-            self._complain(
-                f"the attitude uncertainty is {math.sqrt(variance):.2g} rad: above "
-                f"{_SMALL_ANGLE:g} rad the covariance, a small-angle approximation, is no "
-                "longer valid"
-            )
+    def _complain_about_attitude(self, sigma: float) -> None:
+        """Warn once that the attitude is too uncertain for the covariance to be valid.
+
+        :param sigma: largest standard deviation about an axis of the world [rad].
+        """
+        self._uncertain = True
+        self._complain(
+            f"the attitude uncertainty is {sigma:.2g} rad: above {LARGEST_SIGMA:g} rad the "
+            "covariance, a small-angle approximation, is no longer valid"
+        )
 
     def _row(self, stepper: Stepper, t_ns: int) -> LiveState:
         """Return the state of the body at the stepper's time."""
-        state, rate = (stepper.position, stepper.velocity, stepper.q_wb), stepper.angular_velocity
+        imu, rate = (stepper.position, stepper.velocity, stepper.q_wb), stepper.angular_velocity
         if any(self.parameters.earth_rate):
             x, y, z = components.rotate_inverse(stepper.q_wb, self.parameters.earth_rate)
             rate = (rate[0] - x, rate[1] - y, rate[2] - z)
-        body = self._mount.body_state(t_ns, state, rate)
+        body = self._mount.body_state(imu, rate)
         if self._covariance is None:
-            return body
+            return LiveState(t_ns, *body)
         self._r_wi = components.to_matrix(stepper.q_wb)
         pose, twist = self._covariance.message(self._r_wi, stepper.velocity, self.rate)
         if self._mount is not ALIGNED:
-            pose = self._mount.pose_covariance(pose, body.q_wb)
+            pose = self._mount.pose_covariance(pose, body[1])
             twist = self._mount.twist_covariance(twist)
-        self._complain_about_attitude(pose)
-        return LiveState(*body[:5], pose, twist)
+        return LiveState(t_ns, *body, pose, twist)
 
 
 class PathPublisher:
