@@ -159,22 +159,27 @@ class RawSubscriptions:
         self._thread.start()
 
     def subscribe(self, name: str, message: type, qos: QoSProfile) -> None:
-        """Subscribe to a topic; an older subscription of it is emptied and replaced."""
+        """Subscribe to a topic; an older subscription of it is emptied and replaced.
+
+        The middleware may take long for it: the other topics are read meanwhile.
+        """
         with self._lock:
             source = self._sources.pop(name, None)
             if source is not None:
                 self._pass_on(source)
-                self._node.destroy_subscription(source.subscription)
-            subscription = self._node.create_subscription(
-                message,
-                name,
-                _never,
-                qos,
-                raw=True,
-                callback_group=self._group,
-                event_callbacks=_NO_WARNINGS,
-            )
-            take = partial(subscription.handle.take_message, subscription.msg_type, True)
+        if source is not None:
+            self._node.destroy_subscription(source.subscription)
+        subscription = self._node.create_subscription(
+            message,
+            name,
+            _never,
+            qos,
+            raw=True,
+            callback_group=self._group,
+            event_callbacks=_NO_WARNINGS,
+        )
+        take = partial(subscription.handle.take_message, subscription.msg_type, True)
+        with self._lock:
             self._sources[name] = _Source(name, subscription, take)
         self._subscribed.set()
 
