@@ -48,7 +48,7 @@ def test_rests_are_kept_whatever_the_gyroscope_drifts(drift):
 def test_rotations_that_no_rate_names_are_told():
     """Without a truth and without rates, turning stretches were left out without a word."""
     imu = QUIET | {"gyroscope_temperature_bias": [0.002] * 3}
-    flight = ims.simulate(imu=imu, trajectory="temperature_soak", rate=20, seed=1)
+    flight = ims.simulate(imu=imu, trajectory="temperature_soak", rate=10, seed=1)
     readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
     with_rates = ims.calibrate_temperature(readings, temperature=flight.temperature, rates=[1.0])
     assert with_rates.warnings == ()

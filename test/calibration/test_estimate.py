@@ -129,6 +129,19 @@ def test_barely_visible_walks_are_right_or_bounded(walk):
     assert np.median(bounds) < 5e-6
 
 
+def test_models_with_designs_of_their_own_are_fitted_together_as_alone():
+    spectrum = drawn(1e-6 * WHITE.expectation(TEMPLATE), np.random.default_rng(7), TEMPLATE)
+    data = Data(spectrum.power[:, 0], spectrum.freedom, *np.zeros((2, len(spectrum.freedom))))
+    columns = [gauss_markov_expectation(spectrum, time) for time in (3.0, 30.0, 300.0)]
+    designs = [np.stack([WHITE.expectation(spectrum), column], axis=1) for column in columns]
+    together = fit(data, np.stack(designs))
+    for k, design in enumerate(designs):
+        alone = fit(data, design)
+        # Fits end once a step gains less than 1e-5, together only when that holds for all.
+        assert together.objective[k] == pytest.approx(alone.lowest, abs=1e-4)
+        assert together.components[k, 0] == pytest.approx(alone.components[0, 0], rel=1e-4)
+
+
 def test_ramp_is_found_with_its_sign_and_is_no_walk():
     rng = np.random.default_rng(6)
     expected = 1e-6 * WHITE.expectation(TEMPLATE)

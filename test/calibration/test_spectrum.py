@@ -25,7 +25,7 @@ def expectation(factor: np.ndarray) -> tuple[Spectrum, np.ndarray]:
     many columns at a time as fit into the processor's cache.
     """
     rows = 0.0
-    for columns in np.array_split(factor, max(factor.shape[1] // 32, 1), axis=1):
+    for columns in np.array_split(factor, max(factor.shape[1] // 128, 1), axis=1):
         accumulator = SpectrumAccumulator(RATE, columns.shape[1])
         accumulator.add(columns)
         accumulator.end_piece()
@@ -35,7 +35,7 @@ def expectation(factor: np.ndarray) -> tuple[Spectrum, np.ndarray]:
 
 
 def test_white_noise_is_flat():
-    n = 1024
+    n = 512
     spectrum, rows = expectation(np.eye(n) * np.sqrt(RATE))
     assert rows == pytest.approx(np.ones(len(rows)), rel=1e-9)
     assert rows == pytest.approx(terms.WHITE.expectation(spectrum), rel=1e-9)
@@ -78,8 +78,10 @@ def test_quantisation_of_the_angle():
 @pytest.mark.parametrize("correlation_time", [1.0, 8.0, 100.0])
 def test_gauss_markov_is_exact_at_the_edges_of_the_record(correlation_time):
     n = 2048
-    lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n))) / RATE
-    factor = np.linalg.cholesky(np.exp(-lag / correlation_time))
+    lag = np.maximum(np.subtract.outer(np.arange(n), np.arange(n)), 0) / RATE
+    # x_k = phi x_{k-1} + sqrt(1 - phi^2) e_k from the steady state on.
+    factor = np.tril(np.exp(-lag / correlation_time))
+    factor[:, 1:] *= np.sqrt(-np.expm1(-2.0 / (RATE * correlation_time)))
     spectrum, rows = expectation(factor)
     low = spectrum.order > 0
     model = terms.gauss_markov_expectation(spectrum, correlation_time)

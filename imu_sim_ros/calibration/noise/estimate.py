@@ -222,15 +222,27 @@ def correlation_time(spectrum: Spectrum, axis: int) -> float | None:
     data, design = data_and_design(spectrum, axis)
     small, terms = merge_averages(data, design, _MERGED)
 
-    def objective(log_time: float) -> float:
-        process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
-        _, column = merge_averages(data, process[:, None], _MERGED)
-        return fit(small, np.column_stack([terms, column]), slope=np.nan).lowest
+    def objective(log_times: Array) -> Array:
+        _, columns = merge_averages(data, _processes(spectrum, log_times), _MERGED)
+        return fit(small, _designs(terms, columns), slope=np.nan).objective
 
     without = fit(small, terms, slope=np.nan).lowest
     bounds = float(np.log(fastest)), float(np.log(np.max(finite) / 3.0))
     log_time = minimum(objective, *bounds, _TIMES, below=without - _PROMISING * _PROCESS)
-    return float(np.exp(log_time)) if without - objective(log_time) > _PROCESS else None
+    gain = without - float(objective(np.array([log_time]))[0])
+    return float(np.exp(log_time)) if gain > _PROCESS else None
+
+
+def _processes(spectrum: Spectrum, log_times: Array) -> Array:
+    """Return the expectations (m, k) of Gauss-Markov processes with some logarithms of times."""
+    times = np.exp(log_times).tolist()
+    return np.stack([gauss_markov_expectation(spectrum, time) for time in times], axis=1)
+
+
+def _designs(terms: Array, columns: Array) -> Array:
+    """Return designs (k, m, p + 1) of terms (m, p), each with a column of (m, k)."""
+    shared = np.broadcast_to(terms, (columns.shape[1], *terms.shape))
+    return np.concatenate([shared, columns.T[:, :, None]], axis=2)
 
 
 def _add_process_column(spectrum: Spectrum, design: Array, time: float | None) -> Array:
@@ -353,16 +365,14 @@ def _process_fit(spectrum: Spectrum, data: Data, standard: Array, time: float) -
     """
     white = WHITE.expectation(spectrum)
 
-    def process_objective(log_time: float) -> float:
-        process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
-        return fit(data, np.column_stack([white, process])).lowest
+    def process_objective(log_times: Array) -> Array:
+        return fit(data, _designs(white[:, None], _processes(spectrum, log_times))).objective
 
     without = fit(data, standard, slope=np.nan).lowest
     additional = fit(data, _add_process_column(spectrum, standard, time), slope=np.nan).lowest
     bracket = np.log(time) + np.array([-1.5, 1.5])
-    instead = process_objective(
-        minimum(process_objective, float(bracket[0]), float(bracket[1]), _TIMES)
-    )
+    log_time = minimum(process_objective, float(bracket[0]), float(bracket[1]), _TIMES)
+    instead = float(process_objective(np.array([log_time]))[0])
     return ProcessFit(time, without - additional, without - instead)
 
 

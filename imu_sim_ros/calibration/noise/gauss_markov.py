@@ -53,7 +53,10 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
         process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
         return fit(data, np.column_stack([white, process]), fixed=np.array([np.nan, sigma**2]))
 
-    log_time = minimum(lambda x: fit_at(x).lowest, low, high, _GRID)
+    def lowest_at(log_times: Array, sigma: float = np.nan) -> Array:
+        return np.array([fit_at(log_time, sigma).lowest for log_time in log_times.tolist()])
+
+    log_time = minimum(lowest_at, low, high, _GRID)
     best = fit_at(log_time)
     process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
     estimates = _standard_terms(data, standard, white, process)
@@ -62,7 +65,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
 
     @cache
     def over_time(value: float) -> float:
-        centre = minimum(lambda x: fit_at(x, value).lowest, low, high, _GRID // 3)
+        centre = minimum(lambda x: lowest_at(x, value), low, high, _GRID // 3)
         return fit_at(centre, value).lowest
 
     sigma_low, sigma_high = _profile_interval(over_time, sigma, best.lowest, 0.2 * sigma)

@@ -114,20 +114,20 @@ def fit_many(
 ) -> Fits:
     """Return the non-negative components that make the data most likely, b times.
 
-    :param design: (m, p) expectation of the rows for each component.
+    :param design: (m, p) expectation of the rows for each component, or (b, m, p) that of each fit.
     :param fixed: (b, p) components with a fixed value; NaN if a component is free.
     :param slope: (b,) given slope of the trend; NaN if it is estimated.
     :param guess: (b, m) first guess of the expectation.
     :param restricted: integrate the estimated slopes out instead of maximising over them.
     """
     floor = _FLOOR * float(np.max(data.power)) + 1e-300
-    scale = 1.0 / np.max(design, axis=0)
-    scaled = design * scale
-    transposed = scaled.T
+    scale = 1.0 / np.max(design, axis=-2)
+    scaled = design * scale[..., None, :]
+    transposed = scaled.swapaxes(-1, -2)
     free = np.isnan(fixed)
     theta = np.where(free, 0.0, fixed / scale)
-    fixed_part = theta @ transposed
-    products = (scaled[:, :, None] * scaled[:, None, :]).reshape(len(scaled), -1)
+    fixed_part = _product(theta, transposed)
+    products = (scaled[..., :, None] * scaled[..., None, :]).reshape(*scaled.shape[:-1], -1)
     half_freedom = 0.5 * data.freedom
     objective_of = _Objective(data, slope, restricted)
     expected = np.maximum(guess, floor)
@@ -136,14 +136,14 @@ def fit_many(
     _, power, slopes = objective_of(expected)
     for _ in range(_ITERATIONS):
         weight = half_freedom / expected**2
-        curvature = (weight @ products).reshape(-1, *free.shape[1:], free.shape[1])
-        gradient = (weight * (power - fixed_part)) @ scaled
+        curvature = _product(weight, products).reshape(-1, *free.shape[1:], free.shape[1])
+        gradient = _product(weight * (power - fixed_part), scaled)
         best = _non_negative(curvature, gradient, free, positive)
         step = np.where(free, best - theta, 0.0)
         previous = objective
         for _ in range(_HALVINGS):  # the very first step is taken in full
             trial = theta + step
-            expected = np.maximum(trial @ transposed, floor)
+            expected = np.maximum(_product(trial, transposed), floor)
             objective, power, slopes = objective_of(expected)
             better = objective <= previous + _ROUNDING
             if better.all():
@@ -153,6 +153,12 @@ def fit_many(
         if (previous - objective < _TOLERANCE).all():
             break
     return Fits(theta * scale, slopes, objective, expected)
+
+
+def _product(rows: Array, matrix: Array) -> Array:
+    """Return the product (b, n) of rows (b, k) and a matrix (k, n), or one for each (b, k, n)."""
+    product = rows @ matrix if matrix.ndim == 2 else (rows[:, None, :] @ matrix)[:, 0]
+    return np.asarray(product)
 
 
 class _Objective:
@@ -246,16 +252,19 @@ def fit(
 ) -> Fits:
     """Return the best fit of each of k models: the better one of two first guesses.
 
-    :param fixed: (k, p) components with a fixed value, NaN if free; None: one model, all free.
+    :param design: (m, p) expectation of the rows for each component, or (k, m, p) of each model.
+    :param fixed: (k, p) components with a fixed value, NaN if free; None: all are free.
     :param slope: (k,) given slope of the trend, NaN if it is estimated; a number: that of all.
     :param restricted: integrate the trend out.
     """
     guesses = data.first_guesses
-    models = np.full((1, design.shape[1]), np.nan) if fixed is None else np.atleast_2d(fixed)
+    of_models = design.ndim == 3
+    shape = (len(design) if of_models else 1, design.shape[-1])
+    models = np.full(shape, np.nan) if fixed is None else np.atleast_2d(fixed)
     count = len(models)
     fits = fit_many(
         data,
-        design,
+        np.tile(design, (len(guesses), 1, 1)) if of_models else design,
         np.tile(models, (len(guesses), 1)),
         slope=np.tile(np.broadcast_to(slope, count), len(guesses)),
         guess=np.repeat(guesses, count, axis=0),
@@ -423,7 +432,7 @@ def _search(
 
 
 def minimum(
-    objective: Callable[[float], float],
+    objective: Callable[[Array], Array],
     low: float,
     high: float,
     count: int,
@@ -432,17 +441,23 @@ def minimum(
 ) -> float:
     """Return where a function of one variable is smallest: a grid, then Brent's search.
 
+    :param objective: values at some points (k,); all of a grid are asked for at once.
     :param count: points of the grid.
     :param below: a search begins if the grid has a smaller value; else the grid's best point is
         returned.
     """
     grid = np.linspace(low, high, count)
-    values = [objective(float(x)) for x in grid]
+    values = objective(grid)
     k = int(np.argmin(values))
     if values[k] > below:
         return float(grid[k])
     from scipy.optimize import minimize_scalar
 
     bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, count - 1)]))
-    solution = minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+    solution = minimize_scalar(
+        lambda x: float(objective(np.array([x]))[0]),
+        bounds=bounds,
+        method="bounded",
+        options={"xatol": 1e-3},
+    )
     return float(solution.x)

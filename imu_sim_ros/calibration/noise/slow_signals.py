@@ -413,8 +413,11 @@ class _Search:
         count = max(int(np.log(slowest / fastest) / np.log(_PROCESS_TIMES)), 0) + 1
         corner = 1.0 - np.exp(-1.0 / (fastest * _PROCESS_TIMES ** np.arange(count)))
         sine = 4.0 * (1.0 - corner) * np.sin(np.pi * f[:, None]) ** 2
-        self._processes = corner**2 / (corner**2 + sine)
-        """(rows, times) Gauss-Markov processes of 1 at zero frequency."""
+        processes = corner**2 / (corner**2 + sine)
+        self._extended = np.stack(
+            [np.column_stack([self._standard, process]) for process in processes.T]
+        )
+        """(times, rows, 4) standard design with Gauss-Markov processes of 1 at zero frequency."""
         self._design = self._standard
         self._single = slice(0, single)
         self._line = _LineKind(n, self._order)
@@ -529,21 +532,18 @@ class _Search:
     def _with_process(self, y: Array, best: _Fit) -> _Fit:
         """Return a fit with the Gauss-Markov process that the remainder requires, if any."""
         data, level = self._rows(best.remainder), np.zeros(1)
-        self._design, lowest, guess = self._standard, np.inf, best.rows[None]
-        base = float(
-            fit_many(data, self._standard, _free_components(3), slope=level, guess=guess).objective[
-                0
-            ]
+        guess, free = best.rows[None], _free_components(3)
+        base = fit_many(data, self._standard, free, slope=level, guess=guess).lowest
+        count = len(self._extended)
+        fits = fit_many(
+            data,
+            self._extended,
+            np.tile(_free_components(4), (count, 1)),
+            slope=np.zeros(count),
+            guess=np.tile(guess, (count, 1)),
         )
-        choice = self._standard
-        for process in self._processes.T:
-            design = np.column_stack([self._standard, process])
-            fits = fit_many(data, design, _free_components(4), slope=level, guess=guess)
-            if fits.objective[0] < lowest:
-                lowest, choice = float(fits.objective[0]), design
-        if base - lowest < _PROCESS:
-            choice = self._standard
-        self._design = choice
+        improved = base - fits.lowest >= _PROCESS
+        self._design = self._extended[np.argmin(fits.objective)] if improved else self._standard
         return self._fit(y, best.components, best, ramp=best.ramp)
 
     def _rows(self, remainder: Array) -> Data:
