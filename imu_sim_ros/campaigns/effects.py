@@ -40,6 +40,7 @@ class Effect:
     won: int
     """Seeds among them on which A is better."""
     lost: int
+    """Seeds among them on which B is better."""
     scatter: float | None
     """Standard deviation of the logarithm of the ratio on a seed; ``--power`` needs it."""
     p: float | None
@@ -49,7 +50,7 @@ class Effect:
     success: ConfidenceInterval
     """Share of runs done of A less that of B (Bonett and Price)."""
     success_p: float | None
-    """McNemar, Holm."""
+    """p-value of equal shares of runs done (McNemar, Holm)."""
     verdict: str
     """Verdict on A: ``better`` or ``worse`` than B beyond the tolerance, ``equal`` if the interval
     lies within it, or ``undecided``."""

@@ -112,7 +112,7 @@ class Alignment(NamedTuple):
     r: Array
     """(3, 3) rotation."""
     t: Array
-    """(3,) [m]."""
+    """(3,) translation [m]."""
 
     def apply(self, poses: States) -> States:
         """Return the poses in the frame of the truth."""

@@ -186,7 +186,8 @@ class Covariance:
         """(15, 15) mean square of the second order, zero for the biases."""
         self._by_rates = np.empty((3, rates))
         self._factors = (0.0, np.empty(0), np.empty(0))
-        """A length [s], and (r,) what of the slow errors of the rate acts over it and remains."""
+        """An interval's length [s], and for the r slow errors of the rate over it: (r,) share of
+        their mean, and (r,) share that remains at the end."""
         self._passed = np.empty((6, width))
         """The sum of the steps' transitions, its rows of attitude and velocity."""
         self._begin_interval(self._attitude_and_rates())

@@ -265,8 +265,13 @@ class SecondOrder:
         forms[6:] = velocity
 
     def _advance_products(self, by_rates: Array) -> None:
-        """Propagate x in its products, and set those of eta: theta gains from the rates."""
+        """Propagate x in the covariances with its products, and set those with products of eta.
+
+        Attitude theta, the first three entries of x, gains ``by_rates`` times the errors of the
+        rate, which then decay; eta is theta before and after.
+        """
         c, ends = self._with_state, self._with_ends
+        # A view: it is theta theta^T first, then theta theta'^T, then theta' theta'^T.
         attitude = c[:, :3, :3]
         ends[:, :3, :3] = attitude
         c[:, :, :3] += c[:, :, 3:] @ by_rates.T

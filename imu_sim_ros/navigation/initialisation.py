@@ -61,7 +61,7 @@ class Level(NamedTuple):
     q_wb: Array
     """(4,) attitude with the given yaw."""
     gyroscope_bias: Array
-    """(3,) [rad/s]."""
+    """(3,) bias of the gyroscope [rad/s]."""
 
 
 def check_true_rest(position: Array, q_wb: Array) -> None:

@@ -235,7 +235,12 @@ def _blank(batch: int) -> tuple[Array, Array]:
 
 
 def _turn_rows(f: Array, g: Array, turn: Array, h: Array, weights: tuple[float, float]) -> None:
-    """Set the rows of theta: ``theta <- Exp(-turn) theta - Jr h (db_g + n_g)``."""
+    """Set the rows of theta: ``theta <- Exp(-turn) theta - Jr h (db_g + n_g)``.
+
+    :param turn: (B, 3) rotation vectors of the steps [rad].
+    :param h: (B, 1, 1) lengths of the steps [s].
+    :param weights: shares of the gyroscope's noise at the start and at the end of a step in n_g.
+    """
     by_rate = -rotation.right_jacobian(turn) * h
     f[:, THETA, THETA] = rotation.to_matrix(rotation.exp(-turn))
     f[:, THETA, GYRO_BIAS] = by_rate
@@ -250,11 +255,15 @@ def _move_rows(
     by_state: tuple[Array, Array, Array],
     by_noise: tuple[Array, Array, Array, Array],
 ) -> None:
-    """Set the rows of beta and alpha from the derivatives of the acceleration.
+    """Set the rows of beta and alpha of a step from the derivatives of the acceleration.
 
-    :param by_state: derivatives with respect to theta and the biases of accelerometer and
+    :param f: (B, 15, 15) transition of the errors over the step, which is changed.
+    :param g: (B, 15, 12) effect of the noise of the readings, which is changed.
+    :param h: (B, 1, 1) lengths of the steps [s].
+    :param by_state: derivatives (B, 3, 3) with respect to theta and the biases of accelerometer and
         gyroscope.
-    :param by_noise: accelerometer and gyroscope at the start, then at the end.
+    :param by_noise: derivatives (B, 3, 3) with respect to the noise of accelerometer and gyroscope
+        at the start, then at the end.
     """
     f[:, ALPHA, BETA] = h * _EYE
     columns = (THETA, ACCEL_BIAS, GYRO_BIAS)

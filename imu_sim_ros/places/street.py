@@ -56,13 +56,14 @@ def street(site: Site) -> Place:
         if b.free(corner, end):
             b.box(corner, end, "slabs:a4a09a", leave="bottom")
         _furniture(b, along, float(inner), 1 if side == 0 else -1, stream)
+    # A tour along the street 2.4 m above the ground, a little to the left and right of its middle.
     middle = 0.5 * (low + high)
     stops = np.tile(middle, (5, 1))
     stops[:, along] = low[along] + np.array([0.06, 0.35, 0.65, 0.94, 0.5]) * (high - low)[along]
     stops[:, 1 - along] += np.array([-0.05, 0.05, -0.05, 0.0, 0.08]) * wide
     stops[:, 2] = ground + 2.4
     sun = site.light == "day"
-    height = math.sqrt(0.5)
+    height = math.sqrt(0.5)  # of the sun: 45 degrees above the horizon
     to_sun = (round(0.5 * height * 2**0.5, 9), 0.5, round(height, 9))
     colour = (2.2 * SUN[0], 2.2 * SUN[1], 2.2 * SUN[2]) if sun else (0.0, 0.0, 0.0)
     lighting = Lighting(

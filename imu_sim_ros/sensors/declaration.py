@@ -260,25 +260,25 @@ class Sensor(Generic[P_co]):
     """Frozen dataclass of the parameters; that of a sensor that ``sensors`` names derives from
     :class:`~imu_sim_ros.sensors.parameters.SensorParameters`."""
     model: Callable[[Mounted[P_co], int, Mapping[str, Any]], Model]
-    """Makes it of how it is mounted, the time of the start [ns], and the models of the sensors
-    before it by quantity."""
+    """Returns a new sensor at its start, from its mount and parameters, the time of the start [ns],
+    and the models of the sensors before it by quantity."""
     topics: tuple[Topic, ...]
-    """The readings first."""
+    """Topics of its messages, the readings before their truth."""
     readings: "type[SensorReadings | TimeSeries] | None"
     """Frozen dataclass of arrays of the samples, returned for a flight in Python. None: the samples
     are too large."""
     with_imu: WithImu | Literal[False] = False
     """False: it has parameters ``NAME.*``, and a clock, transport and mount of its own."""
     table: Table | None = None
-    """The readings in datasets of text; None: these have a form of their own, or none, for it."""
+    """Table of the readings in datasets of text; None: it has another form there, or none."""
     values: Callable[[Samples], Array] = np.asarray
-    """The numbers (n, columns) of the table, of all n samples."""
+    """Returns the numbers (n, columns) of the table from all n samples."""
     needs: Callable[[P_co], tuple[str, ...]] = _no_needs
-    """Returns of its section, or of its IMU, the sensors without which it cannot read: their
-    quantities, or their names."""
+    """Returns quantities or names of the sensors without which it cannot read, from its parameters,
+    or from those of its IMU."""
     realised: Callable[[Any, int, str], Any] = lambda parameters, seed, name: parameters
-    """Returns a section of its parameters for a seed and a name, with nothing left to draw but the
-    noise."""
+    """Returns its parameters with all constants drawn, from the parameters, a seed and its name;
+    only the noise is still random."""
     sees: bool = False
     """True if it sees or ranges: the world then has a scene, which leaves its path free."""
     in_sight: Callable[[Mounted[P_co], World, Array], Mask] | None = None

@@ -31,7 +31,7 @@ class Sampled(NamedTuple):
     first: int
     """Index of the first of them."""
     true_t_ns: Times
-    """(n,) [ns]."""
+    """(n,) true times of the samples [ns]."""
     t: Array
     """(n,) since the start of the run [s]."""
 

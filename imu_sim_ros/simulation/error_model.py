@@ -236,7 +236,11 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         return self._conventions.apply(readings)
 
     def _sample(self, readings: Readings) -> list[dict[str, Samples]]:
-        """Return the samples of readings where the IMU is mounted."""
+        """Return the samples, in blocks, of readings where the IMU is mounted.
+
+        New parameters take effect from a sample whose number is a multiple of ``AHEAD``, since the
+        errors up to there are drawn already: while some wait, a block ends at the next one.
+        """
         internal = readings.triads()
         if self._resampler is not None:
             readings, internal = self._resampler.apply(readings)
@@ -255,20 +259,12 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
                 imu.configure(self._pending.imu)
                 self._pending = None
             remaining = count - done
-            step = (
-                remaining
-                if self._pending is None
-                else min(remaining, AHEAD - self.position % AHEAD)
-            )
-            rows, internal_rows = (
-                slice(done, done + step),
-                slice(done * ratio, (done + step) * ratio),
-            )
-            blocks.append(
-                self._apply(
-                    imu, readings.rows(rows), internal[0][internal_rows], internal[1][internal_rows]
-                )
-            )
+            to_boundary = AHEAD - self.position % AHEAD
+            step = remaining if self._pending is None else min(remaining, to_boundary)
+            rows = readings.rows(slice(done, done + step))
+            internal_rows = slice(done * ratio, (done + step) * ratio)
+            gyro, accel = (triad[internal_rows] for triad in internal)
+            blocks.append(self._apply(imu, rows, gyro, accel))
             done += step
         return blocks
 

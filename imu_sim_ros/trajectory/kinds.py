@@ -105,6 +105,7 @@ class _Coordinates:
     """
 
     def __init__(self, series: Sequence[SeriesParameters]) -> None:
+        """Collect the frequencies, the waves and the polynomials of k functions."""
         w = sorted({w_value for sinusoids in series for w_value in sinusoids.angular_frequency})
         self._frequencies = np.array(w)
         self.highest_frequency = max(w, default=0.0) / (2.0 * math.pi)
@@ -123,7 +124,7 @@ class _Coordinates:
         ]
         degree = max((len(sinusoids.polynomial) for sinusoids in series), default=1)
         powers: Array = np.arange(degree, dtype=np.float64)
-        c = np.zeros((3, len(series), degree))
+        c = np.zeros((3, len(series), degree))  # of the functions and two derivatives
         for row, sinusoids in zip(c[0], series, strict=True):
             row[: len(sinusoids.polynomial)] = sinusoids.polynomial
         for lower, higher in itertools.pairwise(c):

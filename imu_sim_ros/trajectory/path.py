@@ -265,43 +265,49 @@ def _find_part(
     prefix: str,
     waypoints_before: int,
 ) -> Path:
-    """Return a path without turning back.
+    """Return a path along waypoints between which the vehicle does not turn back.
 
-    :param waypoint: True for the points that are waypoints, not added ones.
+    Segments of the spline are made longer, which rounds corners more, until no bend is sharper than
+    the turning radius.
+
+    :param waypoints: (n, 2) points along the way [m].
+    :param waypoint: (n,) True for the points that are waypoints, not added ones.
+    :param radius: smallest turning radius [m].
+    :param deviation: largest distance of the path from a waypoint [m]; 0: it goes through all.
     :param waypoints_before: number of waypoints before this path, for messages.
+    :raises ConfigurationError: if no such path was found, with the reason of the best one.
     """
     steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     waypoint_u = np.concatenate([[0.0], np.cumsum(steps)])
     longest = 1.5 * np.diff(waypoint_u[waypoint]).min()
-    best: tuple[float, str] = (0.0, "")
+    best_radius, why = 0.0, ""  # smallest radius of the best path so far, and why it is unfit
     for width in _WIDTHS * radius:
         if not deviation and width > longest:
             break
         path, miss = _round_corners(waypoints, waypoint_u, waypoint, width, deviation)
         if miss.max() > max(deviation, _MISS):
             farthest = int(np.argmax(miss))
-            reason = (
+            why = why or (
                 f"the path would pass {miss[farthest]:.2f} m from waypoint "
                 f"{waypoints_before + farthest + 1}"
             )
-            best = max(best, (0.0, reason)) if not best[1] else best
             if deviation:
                 break
             continue
         bends = path.bends()
         sharpest = int(np.argmax(np.abs(bends.curvature)))
-        radius_found = 1.0 / max(abs(bends.curvature[sharpest]), 1e-12)
-        if radius_found >= radius:
+        smallest_radius = 1.0 / max(abs(bends.curvature[sharpest]), 1e-12)
+        if smallest_radius >= radius:
             return path
         nearest = int(np.argmin(np.abs(path.waypoint_u - bends.u[sharpest])))
-        if radius_found >= best[0]:
-            best = (
-                radius_found,
-                f"the path turns with {radius_found:.3g} m near waypoint "
-                f"{waypoints_before + nearest + 1}",
+        if smallest_radius >= best_radius:
+            best_radius = smallest_radius
+            why = (
+                f"the path turns with {smallest_radius:.3g} m near waypoint "
+                f"{waypoints_before + nearest + 1}"
             )
     raise ConfigurationError(
-        f"{prefix}turning_radius = {radius:g}: {best[1] or 'the waypoints are too close'}; move "
+        f"{prefix}turning_radius = {radius:g}: {why or 'the waypoints are too close'}; move "
         f"waypoints apart, allow a larger {prefix}deviation than {deviation:g} m, or reduce the "
         "radius"
     )

@@ -279,7 +279,15 @@ def _fit_times(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> U
 def _keep_visits(
     path: Path, visits: Visits, rests: Mask, t: Array, controls: Array
 ) -> UniformSpline:
-    """Return the smoothed schedule, corrected so that it keeps the times of the visits."""
+    """Return the smoothed schedule, corrected so that it keeps the times of the visits.
+
+    Smoothing shifts u at the visits a little. The control points are shifted back by a monotone
+    interpolation of these errors, in a few rounds.
+
+    :param rests: (visits,) True where the vehicle rests.
+    :param t: (c,) times of the control points [s], evenly spaced.
+    :param controls: (c,) control points of the smoothed schedule.
+    """
     from scipy.interpolate import PchipInterpolator
 
     step = float(t[1] - t[0])

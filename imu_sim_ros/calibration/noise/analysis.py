@@ -152,6 +152,7 @@ def analyse(
             rows = smoother.rows(band.used & ~smoother.rows_of_lines(certain + doubtful))
             strict = not all(isinstance(signal, Line) for signal in doubtful)
             axis_noise = common_estimates(axis_noise, estimate_axis(rows, k), strict=strict)
+        # What was removed from the readings may be missing from the estimates.
         decays = [signal for signal in certain if isinstance(signal, Transient)]
         if decays and RAMP in axis_noise.estimates:
             axis_noise = _drop_ramp(axis_noise, decays, timing.rate, longest)
@@ -304,9 +305,11 @@ def _problems(
             if explains_wander(spectrum.rows(usable_band(spectrum, axis).used), axis):
                 walks.add(axis)
     motions = [m for m in rest.moving if m.axis not in walks or rest.is_sudden(m)]
+    # Stretches in which several axes move count once.
     moving = sum(m.end - m.begin for m in {m.begin: m for m in motions}.values())
     motion_texts: list[str] = []
     if moving > _MOVING_SHARE * rest.seconds:
+        # A rate of 1 rad/s counts as much as 10 m/s^2, about gravity.
         worst = max(motions, key=lambda m: m.size / (1.0 if m.axis < 3 else 10.0))
         motion_texts.append(
             f"the {AXES[worst.axis]} moves by {worst.size:.3g} "

@@ -395,7 +395,8 @@ class _Search:
         # Into the memory of their argument, since each array is as long as the record.
         self._transform = partial(dct, norm="ortho", overwrite_x=True)
         self._sine_transform = partial(dst, type=1, overwrite_x=True)
-        self._n, self._last = n, highest * n  # periods
+        self._n, self._last = n, highest * n
+        """Number of values, and number of periods of the fastest line in the record."""
         self._order = np.arange(1, min(int(2.0 * self._last) + 2, n))
         self.count = len(self._order)
         """Number of coefficients that are compared."""
@@ -404,10 +405,12 @@ class _Search:
         bins = single * np.exp(_WIDTH * np.arange(np.log(self.count / single) / _WIDTH))
         self._starts = np.unique(np.concatenate([np.arange(single), bins]).astype(np.int64))
         self._starts = self._starts[self._starts < self.count]
+        """First coefficient of each row of the spectrum: single ones, then log-spaced bins."""
         self._sizes = np.diff(np.append(self._starts, self.count))
         mean_order = np.exp(np.add.reduceat(np.log(self._order), self._starts) / self._sizes)
         f = mean_order / (2.0 * n)
         self._standard = np.stack([f**0, 1.0 / f, f**-2.0], axis=1)
+        """(rows, 3) white noise, flicker and random walk of unit size."""
         # A sensor's filter is faster than a second, and its bias process slower.
         fastest, slowest = max(4.0, 1.0 / interval), 0.25 * n
         count = max(int(np.log(slowest / fastest) / np.log(_PROCESS_TIMES)), 0) + 1
@@ -428,12 +431,14 @@ class _Search:
         self._decays = np.concatenate(
             [self._transient.columns(float(p), self._single) for p in self._transient.tried], axis=1
         )
+        """(m, t) single coefficients of the transients that are tried."""
         self._tried = np.arange(_SLOWEST, min(0.5 * single, self._last), _SPACING)
         waves = self._line.waves(self._tried, self._single)
         c, s = waves.real, waves.imag
-        # (m, 2 f) cosines and sines of the lines that are tried, and (m, 3 f) their products.
         self._columns = np.concatenate([c, s], axis=1)
+        """(m, 2 f) single coefficients of cosines and sines of the lines that are tried."""
         self._products = np.concatenate([c * c, s * s, c * s], axis=1)
+        """(m, 3 f) products of these columns."""
 
     def signals(self, x: Array) -> _Signals:
         """Return the signals of x (n,), certain and doubtful."""

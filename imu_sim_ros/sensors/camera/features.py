@@ -44,12 +44,17 @@ class _Observed(NamedTuple):
     """The features of one frame of one camera, by id."""
 
     t_ns: int
+    """Stamp of the frame [ns]."""
     id: Integers
+    """(n,) ids of the tracks, ascending."""
     uv: Array
+    """(n, 2) measured pixels."""
     normalised: Array
     """(n, 2) normalised coordinates."""
     landmark: Integers
+    """(n,) numbers of the landmarks."""
     body: Integers
+    """(n,) numbers of the moving bodies that they are on, from 1; 0: at rest."""
 
     def at(self, rows: Mask) -> "_Observed":
         """Return some of the features."""
@@ -62,6 +67,16 @@ class _Observed(NamedTuple):
         )
 
 
+class _CameraFeatures(NamedTuple):
+    """Features of one camera in a message."""
+
+    camera: int
+    """Number of the camera."""
+    observed: _Observed
+    speed: Array
+    """(n, 2) change of their normalised coordinates since the previous frame [1/s]."""
+
+
 class _Ids:
     """The ids of tracks: a new one for each run of messages that a landmark is in."""
 
@@ -72,12 +87,15 @@ class _Ids:
         """The features of the last message."""
 
     def next(self, features: list[_Observed]) -> list[Integers]:
-        """Return the ids (n,) of each camera's features in the next message."""
+        """Return the ids (n,) of each camera's features in the next message.
+
+        The k-th track of landmark j, from 0, has the id ``j + k landmarks``.
+        """
         feature, rows = np.unique(
             np.concatenate([observations.id for observations in features]), return_index=True
         )
         landmark = np.concatenate([observations.landmark for observations in features])[rows]
-        # A new life of a landmark (track_lifetime) is a new feature.
+        # A landmark whose track ended (track_lifetime) is a new feature.
         begun = ~np.isin(feature, self._last, assume_unique=True)
         self._count[landmark[begun]] += 1
         self._last = feature
@@ -123,9 +141,10 @@ class FeatureStream:
             _normalise(t, tracks) for t, tracks in zip(self._trackers, camera_tracks, strict=True)
         ]
         for k in np.flatnonzero(frames.delivered).tolist():
+            # Speeds need two frames: the first frame has no message.
             withheld = self._before[0] is None
-            sending: list[tuple[int, _Observed, Array]] = []
-            sent = None
+            sending: list[_CameraFeatures] = []
+            sent = None  # ids of the first camera's features in the message
             for camera, (tracks, coordinates) in enumerate(
                 zip(camera_tracks, normalised, strict=True)
             ):
@@ -137,20 +156,25 @@ class FeatureStream:
                     # VINS-Fusion asserts that what its right camera sees the left one does.
                     again &= np.isin(current.id, sent)
                 sent = current.id[again] if camera == 0 else sent
-                sending.append((camera, current.at(again), speed[again]))
+                sending.append(_CameraFeatures(camera, current.at(again), speed[again]))
                 self._before[camera] = current
             if not withheld:
-                ids = self._ids.next([observations for _, observations, _ in sending])
+                ids_by_camera = self._ids.next([features.observed for features in sending])
                 true_t_ns = int(frames.true_t_ns[k])
                 rows = [
-                    self._rows(*part, i, true_t_ns) for part, i in zip(sending, ids, strict=True)
+                    self._rows(features, ids, true_t_ns)
+                    for features, ids in zip(sending, ids_by_camera, strict=True)
                 ]
                 yield FeatureMessage(int(frames.number[k]), np.concatenate(rows))
 
-    def _rows(
-        self, camera: int, observations: _Observed, speed: Array, ids: Integers, true_t_ns: int
-    ) -> Array:
-        """Return points and channels (n, 3 + m)."""
+    def _rows(self, features: _CameraFeatures, ids: Integers, true_t_ns: int) -> Array:
+        """Return the points and channels (n, 3 + m) of features, as VINS reads them.
+
+        A point is (x, y, 1) in normalised coordinates. The channels are those of CHANNELS:
+        VINS-Mono finds the camera as the remainder of the id by the number of cameras; VINS-Fusion
+        has a channel for it, and three for the true position in the world.
+        """
+        camera, observations, speed = features
         points = np.column_stack([observations.normalised, np.ones(len(ids))])
         body = [observations.body] * self._moving
         if self._layout == "mono":

@@ -68,20 +68,22 @@ class Camera(FixedModel):
         return self
 
     def samples(self, frames: Frames) -> Samples:
-        """Return frames with all that they show."""
+        """Return frames as samples, with tracks and images that are computed when they are used."""
         first_number, count = int(frames.number[0]) if len(frames.number) else 0, len(frames.number)
         p, scene = self.view.parameters, rig_parameters_of(self.mounted.environment).scene
 
-        def each(make: Callable[[int], _T], keep: bool = False) -> DeferredValues[_T]:
+        def per_frame(make: Callable[[int], _T], keep: bool = False) -> DeferredValues[_T]:
             return DeferredValues(make, frames.number.tolist(), self.world.threads, keep)
 
         values = Deferred(
             tracks=lambda: self.tracker.tracks(first_number, count),
             lines=lambda: self.tracker.lines(first_number, count),
-            image=lambda: each(self.imager.image, keep=p.images == "both"),
-            depth_and_mask=lambda: each(self.imager.depth_and_mask, keep=bool(body_names(scene))),
-            flow=lambda: each(self.imager.flow),
-            exposure=lambda: each(self.imager.exposure),
+            image=lambda: per_frame(self.imager.image, keep=p.images == "both"),
+            depth_and_mask=lambda: per_frame(
+                self.imager.depth_and_mask, keep=bool(body_names(scene))
+            ),
+            flow=lambda: per_frame(self.imager.flow),
+            exposure=lambda: per_frame(self.imager.exposure),
         )
         times = frames.true_t_ns, frames.t_ns, frames.release_t_ns
         return Samples(*times, np.flatnonzero(frames.delivered), values, first_number)

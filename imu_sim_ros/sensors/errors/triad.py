@@ -472,9 +472,13 @@ class Triad:
         force: components.AnyVector,
         additions: NumberAdditions,
     ) -> tuple[components.AnyVector, components.AnyVector | None]:
-        """Return one reading without faults of a triad that remembers none, and its response error.
+        """Return one reading and its response error, the same numbers as :meth:`read`.
 
-        The numbers are those of :meth:`read`.
+        For triads without faults of which :attr:`remembers` is False.
+
+        :param ideal: ideal reading in the triad's unit.
+        :param force: specific force at the same time [m/s^2].
+        :param additions: errors that are added to it.
         """
         total, error = self._analogue(ideal, force, *additions)
         self._last = reading = self._digitiser.apply(total)

@@ -43,7 +43,7 @@ class BatchSamples(NamedTuple):
     accel: Array
     """(count, 3) readings [m/s^2]."""
     temperature: Array
-    """(count,) [degC]"""
+    """(count,) temperature of the units [degC]."""
     gyro_bias: Array
     """(count, 3) true errors, as those of :class:`~imu_sim_ros.sensors.samples.Samples`."""
     accel_bias: Array

@@ -449,9 +449,10 @@ class TriadsParameters:
 
 
 def triad_field(name: str, unit_texts: Mapping[str, str], **changed: object) -> Any:
-    """Describe a parameter of another sensor that is one of the triads'.
+    """Return the field of another sensor's section for a parameter of the triads.
 
-    :param unit_texts: what stands for ``{triad}``, ``{unit}``, ... in text and unit.
+    :param name: name of the parameter in :class:`TriadParameters`.
+    :param unit_texts: replacements of ``{triad}``, ``{unit}``, ... in text and unit.
     :param changed: fields of :class:`Parameter` that differ.
     """
     triads = parameters(TriadParameters)[name]

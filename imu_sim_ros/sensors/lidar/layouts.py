@@ -30,7 +30,7 @@ class Cloud(NamedTuple):
     time: Array
     """(k,) since the stamp [s]."""
     range: Single
-    """(k,) [m]."""
+    """(k,) measured range of each point [m]."""
 
 
 class PointLayout(NamedTuple):

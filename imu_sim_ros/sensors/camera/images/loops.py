@@ -392,11 +392,11 @@ def nearest_hit(
 ) -> tuple[np.float32, int, np.float32, np.float32]:
     """Return 1 / t of the nearest rectangle that a ray meets, its pair (-1: none), s and r.
 
-    Of equals the first.
+    The first one of rectangles at the same distance.
 
-    :param which: (p,) rectangles of the pairs; ``fills``: whether they fill their cells.
+    :param which: (p,) rectangles of the pairs; ``fills``: True if they fill their cells.
     :param begin: first pair of the ray's cell; ``end``: that after its last.
-    :param k: row of the planes.
+    :param k: number of the planes' pose.
     """
     inverse, hit, s, r = _ZERO, -1, _ZERO, _ZERO
     filled = end - begin == 1 and fills[begin]
@@ -858,7 +858,10 @@ def paint_mesh(
 def _interpolate_triangle(
     coefficients: Single, k: int, m: int, point: Single, n: int
 ) -> np.float32:
-    """Return one of the functions on a triangle where a ray meets it."""
+    """Return the value of linear function number k on triangle m at the point that ray n meets.
+
+    :param coefficients: (4 functions, triangles) slopes along x, y and z of each, then a constant.
+    """
     value = coefficients[4 * k + 3, m]
     for j in range(3):
         value += coefficients[4 * k + j, m] * point[j, n]

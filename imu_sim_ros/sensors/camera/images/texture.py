@@ -135,8 +135,7 @@ def assemble_atlas(
     """Return textures in one image, each computed when it is put there.
 
     :param shapes: rows and columns of each texture.
-    :param texture: returns the texture of a number.
-
+    :param texture: returns the texture (h, w) or (h, w, 3) of a number.
     :param further: shapes of textures behind the others, which stay where they are.
     :param repeat: True: textures continue periodically at their edges; False: constantly.
     """
