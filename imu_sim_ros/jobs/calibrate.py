@@ -407,7 +407,10 @@ class _Run:
         facts: Mapping[str, object],
         picture: Callable[[], Figure],
     ) -> Calibration:
-        """Return the result."""
+        """Return the calibration of this recording, with its warnings and notes.
+
+        The arguments are the fields of :class:`Calibration` of these names.
+        """
         name = self.name if self.path is None else str(self.path)
         return Calibration(
             kind, parameters, facts, picture, name, tuple(self._warnings), self._notes

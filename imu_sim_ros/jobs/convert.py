@@ -480,9 +480,11 @@ class _Output:
     def converted(
         self, messages: dict[str, int], last_ns: int, not_converted: Sequence[str] = ()
     ) -> Converted:
-        """Return the result.
+        """Return what was written to the target, with the notes so far.
 
-        :param last_ns: the last stamp; -1: there is none.
+        :param messages: messages by topic, rows by table, images by camera.
+        :param last_ns: the last stamp [ns]; -1: there is none.
+        :param not_converted: topics of the source that the target's format cannot hold.
         """
         last_stamp_ns = last_ns if last_ns >= 0 else None
         return Converted(

@@ -73,7 +73,8 @@ class ColumnTable:
         """
         available = [name for name in optional if name in self.names]
         places = [self.names.index(name) for name in (*names, *available)]
-        cells, bad = self._cells([self.names.index(stamp)], places, len(names), digits)
+        stamps = [self.names.index(stamp)]
+        cells, bad = self._cells(places, len(names), stamps, digits)
         t_ns = nanoseconds(cells["stamp"][:, 0], digits) if len(cells) else np.empty(0, np.int64)
         values = np.full((len(cells), len(names) + len(optional)), np.nan)
         values[:, : len(names)] = cells["values"][:, : len(names)]
@@ -86,9 +87,13 @@ class ColumnTable:
         return Columns(t_ns[good], values[good])
 
     def numbers(self, names: Sequence[str], damage: list[str]) -> Array:
-        """Return columns (n, m) without stamps; see :meth:`columns`."""
+        """Return columns (n, m) of numbers, without the rows in which one is missing.
+
+        :param names: m columns of the header.
+        :param damage: receives a line with the number of rows that are left out.
+        """
         places = [self.names.index(name) for name in names]
-        cells, bad = self._cells([], places, len(names), 0)
+        cells, bad = self._cells(places, required=len(names))
         values: Array = cells["values"]
         good = np.isfinite(values).all(axis=1)
         bad += int(np.count_nonzero(~good))
@@ -97,14 +102,14 @@ class ColumnTable:
         return values[good]
 
     def _cells(
-        self, stamps: Sequence[int], places: Sequence[int], required: int, digits: int
+        self, places: Sequence[int], required: int, stamps: Sequence[int] = (), digits: int = 0
     ) -> tuple[NDArray[np.void], int]:
         """Return the cells of all rows that can be converted, and the number of the others.
 
-        :param stamps: columns of stamps, which remain text.
         :param places: columns of numbers.
-        :param required: number of these that must not be empty.
-        :param digits: as for :meth:`columns`.
+        :param required: number of these, the first ones, that must not be empty.
+        :param stamps: columns of stamps, which remain text.
+        :param digits: decimal digits between the unit of the stamps and a nanosecond.
         """
         fields = [("values", "<f8", (len(places),))]
         if stamps:
