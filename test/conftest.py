@@ -57,6 +57,8 @@ LONGEST = tuple(
 _REAL_PROCESSES = (Path("test/nodes"), Path("test/commands/test_demo.py"))
 _LAST_WAITING = 0.7
 """The part of all files after which none with real nodes begins."""
+_RARE = (20_000, 20, 20)
+"""Thresholds of the search for garbage while tests run; Python's are 700, 10, 10."""
 
 
 def pytest_configure() -> None:
@@ -74,13 +76,16 @@ def pytest_configure() -> None:
 def pytest_collection() -> Iterator[None]:
     """Look for no garbage meanwhile: a look goes through all tests so far, and finds little.
 
-    Tests and modules live to the end of the run: later looks leave them out.
+    Tests and modules live to the end of the run: later looks leave them out. They are rare: cycles
+    are few, and a look through all libraries that tests have imported since takes a tenth of a
+    second.
     """
     gc.disable()
     try:
         yield
     finally:
         gc.freeze()
+        gc.set_threshold(*_RARE)
         gc.enable()
 
 
