@@ -218,7 +218,15 @@ class _Workers:
 def _run(
     plan: Plan, todo: Iterable[Task], folder: Path, workers: _Workers
 ) -> Generator[list[Row], None, None]:
-    """Yield the rows of each task as they come."""
+    """Yield the rows of each task as they come.
+
+    Tasks whose worker process died are suspects: they are split and tried again, one at a time if
+    the executor does not tell which of several killed it, so that the run that kills is found.
+
+    :param todo: tasks in the order in which they begin.
+    :param folder: folder of the campaign.
+    :param workers: executor of the tasks, and how it deals with deaths.
+    """
     # The plan is sent with each task: a copy kept by a worker would be lost with it.
     task_plan = replace(plan, seeds=plan.seeds[:1])
     remaining, suspects = iter(todo), deque[Task]()

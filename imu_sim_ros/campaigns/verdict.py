@@ -313,6 +313,7 @@ def judge(
     rule = Criterion(metric, preference, tolerance or plan.tolerance, non_inferiority)
     baseline_effects = None if baseline is None else _baseline(groups, baseline, rule)
     contests, factor = _contests(groups, rule), _factor(groups)
+    # Contests of the main factor first.
     contests.sort(key=lambda contest: contest.factor != factor)
     requirements = check_requirements(groups, plan.require, len(plan.seeds))
     unmatched = [
@@ -335,6 +336,7 @@ def judge(
         missing_names = [name for name in map(_full_name, groups) if name not in compared]
         unproven = [f"not proven, the baseline has no such run: {name}" for name in missing_names]
     mistakes = estimate_findings(groups)
+    # An estimate that copies the truth passes any gate, so it is named where there is one.
     copies = [
         f"{mistake.cell}; {mistake.estimator}: {mistake.runs} runs: {mistake.finding}: "
         "their errors "
@@ -481,6 +483,9 @@ def _effect(
 ) -> Effect | None:
     """Compare two groups, p values not yet corrected; None if they share no seed.
 
+    The effect starts as one without a difference; the metric, or the share of runs done, fills it.
+
+    :param names: names of the two groups in the result.
     :param comparisons: number of comparisons that are read together.
     """
     values_a, values_b, time = pair_values(a, b, rule.metric)
@@ -748,8 +753,11 @@ def _contest(
 ) -> Contest | None:
     """Return a contest of groups, the best first; None if the first two share no seed.
 
+    Each group is compared with all behind it, or, of many groups, the best one with all others.
     Its p values are not yet corrected for all others, and nothing is decided.
 
+    :param factor: name whose values are compared; all other names are equal.
+    :param ranked: groups, the best first.
     :param varying: the names that have several values in the campaign.
     :param count: number of comparisons that are read together.
     """

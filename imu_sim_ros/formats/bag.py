@@ -143,6 +143,9 @@ def _blocks(
 def _read_poses(bag: Bag, name: str, frames: tuple[str, str] | None, source: str) -> States:
     """Return the poses of the last Path of a topic, or the transforms between two frames.
 
+    :param name: topic.
+    :param frames: parent and child frame; None: the topic has messages of type Path.
+    :param source: name of the states' source.
     :raises InputError: if there are none.
     """
     rows: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = []

@@ -127,7 +127,13 @@ def _integrate(
     correction: Correction,
     earth_rate: Sequence[float],
 ) -> States:
-    """Return the states of the IMU itself; the readings have been checked."""
+    """Return the states of the IMU itself; arguments as for :func:`dead_reckon`, already checked.
+
+    In blocks of arrays; Euler angles on a rotating Earth are integrated step by step.
+
+    :param initial: state of the IMU at the first reading.
+    :param correction: correction of the readings by the sensor's known errors.
+    """
     if attitude == "euler_angles" and any(earth_rate):
         stepper = Stepper(
             initial, method, attitude, gravity, correction, math.inf, earth_rate=earth_rate

@@ -70,7 +70,11 @@ def _clear(b: PlaceBuilder, origin: Place3, radius: float, height: float) -> boo
 
 
 def desk(b: PlaceBuilder, origin: Place3, turn: float, stream: Stream) -> None:
-    """Add a desk with a screen and a chair; its user looks along -y of its axes."""
+    """Add a desk with a screen and a chair; its user looks along -y of its axes.
+
+    :param origin: its place on the floor; ``turn`` about z [rad].
+    :param stream: random stream of the place's geometry; its decoration has another one.
+    """
     if not _clear(b, origin, 1.1, 1.2):
         return
     top = ("board:d2b48c", "paint:dcdcd8", "board:b08a5c")[int(stream.integers(3))]

@@ -221,6 +221,11 @@ def _lamp_irradiance(
 ) -> Single:
     """Return the irradiance (n, 3) by lamps, and add that of each lamp to ``sources``.
 
+    A lamp is a grid of small Lambertian emitters: each gives ``cos cos' area / (pi d^2)`` of its
+    radiance to points at a distance d that see it.
+
+    :param solid: surfaces that cast shadows.
+    :param sources: (lamps, n) irradiance of each lamp without its colour, which is added to.
     :param threshold: (n,) irradiance by a lamp that is left out at each point.
     """
     result = np.zeros_like(points.places)

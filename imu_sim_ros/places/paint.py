@@ -142,7 +142,9 @@ class Painter:
     def texture(self, m: int, rows: int, columns: int, texel: float, colour: bool) -> Bytes:
         """Return the texture of face m: (rows, columns) in grey, or (rows, columns, 3) in colour.
 
-        Its first row is the lowest, as seen from its front its first column is on the left.
+        Its first row is the lowest, as seen from its front its first column is on the left. The
+        material with traces of wear comes first, then prints, then light; glowing prints are put on
+        after the light, which does not change them.
 
         :param texel: edge of its texels, about [m].
         """

@@ -100,8 +100,11 @@ def moving_bodies(
 ) -> tuple[MovingBody, ...]:
     """Return the bodies of a place: doors, carts, then people.
 
+    If no course is left among the stops of a set of walkers, other stops are drawn, a few times.
+
     :param counts: number of bodies of each kind.
     :param speed: speed of walking people [m/s].
+    :param passage: path of the cameras, which bodies keep off.
     :raises ConfigurationError: if there is no room for so many.
     """
     bodies: list[MovingBody] = []

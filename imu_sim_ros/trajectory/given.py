@@ -307,6 +307,10 @@ def _check(
 ) -> list[Array]:
     """Return checked arrays of a user's motion, one for each quantity.
 
+    :param values_found: what the user's function returned: an array (n, 3) or (n, 4) of each.
+    :param t: (n,) times for which it was called [s].
+    :param name: name of the function, and ``kind`` of the values that it should return, for
+        messages.
     :raises ConfigurationError: for another number of them, other shapes, and values that no body
         has, with the time of the first one.
     """

@@ -243,7 +243,14 @@ def _piecewise_schedule(
 
 
 def _fit_times(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> UniformSpline:
-    """Return a schedule that keeps given times, with even speeds as far as limits allow."""
+    """Return a schedule that keeps given times, with even speeds as far as limits allow.
+
+    The speed allowed on each leg is raised or lowered until the leg takes the time that it has.
+
+    :param visits: times at which the vehicle arrives at waypoints and departs from them [s].
+    :param prefix: start of the names of its parameters, for messages.
+    :raises ConfigurationError: for a waypoint that cannot be reached in time.
+    """
     end = float(visits.arrivals[-1])
     _check_steps(end * 2.0 * _KERNEL / p.smoothing_time, np.diff(visits.arrivals))
     way = _way(path, p)
@@ -310,7 +317,12 @@ def _keep_visits(
 def _check_limits(
     path: Path, schedule: UniformSpline, p: DriveParameters, visits: Visits, prefix: str
 ) -> None:
-    """Refuse a schedule that exceeds a limit, or that goes back."""
+    """Refuse a schedule that exceeds a limit, or that goes back.
+
+    :param schedule: u [m] along the path as a function of time [s].
+    :param prefix: start of the names of its parameters, for messages.
+    :raises ConfigurationError: with a line for each limit, and the leg where it is exceeded most.
+    """
     t = _fine_grid(schedule)
     done = planar_motion(path, schedule, t)
     shares = _shares(done, p)

@@ -170,7 +170,13 @@ def _fit_norm(norm: NormFit, steady: Steady, reason: str) -> SixPosition:
 def _solve_exactly(
     steady: Steady, gravity: float, reason: str, *, simple: bool = False
 ) -> SixPosition:
-    """Return the result of eq. 7, or of eq. 6."""
+    """Return the calibration by rests in which each axis points exactly up or down.
+
+    By eq. 7 of the lecture, twelve parameters; by eq. 6, bias and scale per axis, if ``simple``.
+
+    :param reason: reason for this model, as the result states it.
+    :raises InputError: if an axis never points up, or down.
+    """
     faces, used = nearest_faces(steady.accel)
     positions, faces = steady.rows(used), faces[used]
     missing = [name for k, name in enumerate(FACES) if k not in faces]
@@ -183,7 +189,7 @@ def _solve_exactly(
     force = gravity * face_vectors(faces)
     axes = [_axis(positions, force, k, simple) for k in range(3)]
     tilt = 0.0 if simple else _tilt(positions, force, axes, gravity)
-    if tilt:
+    if tilt:  # residuals are larger than the noise: the rests are not level
         uncertain = positions._replace(accel_sigma=_tilted_sigma(positions, force, gravity, tilt))
         axes = [_axis(uncertain, force, k, simple) for k in range(3)]
         reason += f"; the residuals are those of rests tilted by {np.degrees(tilt):.2g} deg RMS"

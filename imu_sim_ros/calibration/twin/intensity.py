@@ -301,6 +301,10 @@ def remove_disturbances(
     A jump of the truth or a touch of the ground is no vibration: in windows of a second in which an
     axis has more than four times its usual energy, its part in this range is scaled down to the
     usual energy.
+
+    :param parts: rows of the pieces without a gap.
+    :param rate: samples per second [Hz].
+    :param low: lower end of the range, ``high`` the upper end [Hz].
     """
     band = filter_band(values, parts, rate, low, high)
     size = max(round(_WINDOW * rate), 2)

@@ -407,16 +407,16 @@ class Triad:
         faults: FaultSchedule | None = None,
         vibration: Array | None = None,
     ) -> Reading:
-        """Return the next n samples.
+        """Return the next n samples: response, additions, low-pass, decimation, digitiser.
 
         Inside an oversampled sensor there are m = ratio readings for each, 1 elsewhere.
 
         :param start: index of the first of them.
         :param ideal: (n m, 3) ideal reading of this triad.
         :param force: (n m, 3) ideal specific force [m/s^2].
-        :param additions: what :meth:`additions` has returned for these n m readings.
-        :param faults: None: there never are any.
-        :param vibration: (n, 3) what the vehicle adds to the filtered readings.
+        :param additions: result of :meth:`additions` for these n m readings.
+        :param faults: faults that hit the triad; None: there never are any.
+        :param vibration: (n, 3) vibration of the vehicle, which is added to the filtered readings.
         """
         scale, bias, noise = additions
         windows = faults is not None and bool(faults.windows)

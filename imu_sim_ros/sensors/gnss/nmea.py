@@ -57,7 +57,16 @@ def _lines(
     used: int,
     *dops: float,
 ) -> Iterator[str]:
-    """Yield the sentences of one fix, without their frames."""
+    """Yield the sentences of one fix, without ``$`` and checksum: GGA, GSA, RMC, VTG.
+
+    :param t_ns: time of the fix, UTC [ns].
+    :param geodetic: latitude and longitude [deg], height above the ellipsoid [m].
+    :param velocity: velocity east, north, up [m/s].
+    :param mode: 0 single, 1 dgps, 2 float, 3 fixed, -1 no fix.
+    :param satellites: number of satellites in use.
+    :param used: bits ``prn - 1`` of these satellites.
+    :param dops: dilutions of precision: of position, horizontal, vertical.
+    """
     latitude, longitude, height = geodetic
     east, north, _ = velocity
     when = datetime.fromtimestamp(round(t_ns * 1e-7) / 100.0, timezone.utc)

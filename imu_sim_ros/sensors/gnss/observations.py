@@ -241,6 +241,7 @@ class Observer:
         clock = self._clock(len(t))
         true_ns = round(self._start.second * 1e9) + np.round(t * 1e9).astype(np.int64)
         tag_ns = (true_ns + _TICK_NS // 2) // _TICK_NS * _TICK_NS
+        # The true time of a measurement minus the nominal one: the antenna has moved since.
         off = (tag_ns - true_ns) * 1e-9 - clock
         antenna_motion = antenna(self._environment, position + off[:, None] * velocity, velocity)
         shape = (len(t), SATELLITES)
@@ -264,7 +265,7 @@ class Observer:
         scale = np.square(L1 / self._frequencies)
         code, phase, speed = self._errors(shape, all_ranges.elevation)
         wavelength = LIGHT / self._frequencies
-        later = ionosphere[..., None] * scale
+        later = ionosphere[..., None] * scale  # code is delayed, phase is advanced
         delays = (LIGHT * delay)[:, None] * scale
         lock, cycles = self._lock(visible)
         return {

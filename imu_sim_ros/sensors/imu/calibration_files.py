@@ -318,7 +318,10 @@ def _add_pose(file: _File, key: str, value: object) -> None:
 
 
 def _add_intrinsics(file: _File, keys: Mapping[str, object]) -> None:
-    """Set scale, misalignment, g-sensitivity and size effect from kalibr's or OpenVINS' keys."""
+    """Set scale, misalignment, g-sensitivity and size effect from kalibr's or OpenVINS' keys.
+
+    :param keys: content of the file; nothing is set if any key has a problem, which is noted.
+    """
     model = keys.get("model", "kalibr")
     if model not in _MODELS:
         hint = suggestion(model, _MODELS)
@@ -347,6 +350,7 @@ def _add_intrinsics(file: _File, keys: Mapping[str, object]) -> None:
         )
     if file.problems:
         return
+    # Here the reading is ``S x + b``, with the ideal reading x in the IMU's axes.
     eye, zero = np.eye(3), np.zeros((3, 3))
     if openvins:
         tw, ta = (

@@ -157,7 +157,10 @@ class Lidar(SensorModel[LidarParameters]):
         return {**values, **moved}
 
     def _scan(self, start: float, world: World, targets: Targets) -> dict[str, AnyArray]:
-        """Return the values of one scan, (m,) or (m, 3)."""
+        """Return the values of the m rays of one scan by name, each (m,) or (m, 3).
+
+        :param start: time of the scan's start [s].
+        """
         p, pattern = self.parameters, self._pattern
         end, t = min(start + p.span, world.trajectory.duration), start + pattern.time
         position, q_wb = dense_poses(world.trajectory.sample, start, end, t)
@@ -166,6 +169,7 @@ class Lidar(SensorModel[LidarParameters]):
         q_ws = rotation.multiply(q_wb, self.q_bs)
         beam = self._deflect(nominal)
         towards = rotation.rotate(q_ws, beam)
+        # Exact: what each ray meets. All errors follow.
         traced = targets.trace(t, origin, towards)
         reflectivity = targets.reflectivity(traced)
         distance, cosine = traced.distance, np.abs(traced.along)
@@ -176,6 +180,7 @@ class Lidar(SensorModel[LidarParameters]):
             aside = rotation.rotate(q_ws, self._aside(beam))
             range_, power = self._within_beam(t, origin, towards, aside, targets, hits)
             outcome[np.abs(range_ - np.minimum(distance, _FAR)) > _ALIKE] = MIXED
+        # Errors of the range, then rays of which nothing returns, or rain instead.
         limit = self.detection_limit(power)
         range_ += p.range_bias + self._bias
         noise = self._range_noise(range_, limit)
@@ -184,6 +189,7 @@ class Lidar(SensorModel[LidarParameters]):
         intensity = 100.0 * power
         self._lose(outcome, range_, limit, lambda: targets.on_glass(traced, origin, towards))
         self._meet_rain(outcome, range_, intensity, distance)
+        # Errors of the intensity, then rounding and the limits of the sensor.
         if p.intensity_range > 0.0:
             with np.errstate(invalid="ignore"):
                 intensity *= np.minimum(1.0, p.intensity_range / np.maximum(range_, 1e-9)) ** 2
@@ -254,6 +260,11 @@ class Lidar(SensorModel[LidarParameters]):
         The beam is its middle, with half of its energy, and two opposite rays at a random place
         of its disc. Of the surfaces that they meet the one that returns most decides; those that
         are nearer to it than the pulse is long are one return with it, at their weighted mean.
+
+        :param t: (m,) times of the rays [s].
+        :param origin: (m, 3) origins in the world [m]; ``towards`` (m, 3) unit vectors.
+        :param aside: (m, 3) vectors across the beams to the random places, at a distance of 1.
+        :param middle: what the middles of the beams meet, and the reflectivity (m,) there.
         """
         p = self.parameters
         parts = [(*middle, 0.5)]

@@ -166,7 +166,16 @@ def _candidate(
     bent: np.float32,
     slack: np.float32,
 ) -> bool:
-    """Return whether a rectangle may be in a cell; write its nearness there."""
+    """Return whether a rectangle may be in a cell; write its nearness there.
+
+    It may unless all four corners of the cell are outside the same edge, or it is behind them.
+
+    :param slot: record of a candidate, which is written.
+    :param rays: (3, a + 1, b + 1) through the corners of all cells; ``rows`` (a + 1,) theirs.
+    :param row: row and ``column`` of the cell.
+    :param bent: share of a cell that the image of a straight line bends within it at most.
+    :param slack: share by which a ray is longer within a cell than at its corners.
+    """
     pose_above = rows[row] if start.shape[1] > 1 else 0
     pose_below = rows[row + 1] if start.shape[1] > 1 else 0
     a = _edges(vectors, start, m, pose_above, rays, row, column)
@@ -206,9 +215,13 @@ def arrange(
 ) -> int:
     """Write the candidates that no other one hides, by cell; return their number.
 
-    Between the corners of a cell 1 / t of two planes differs linearly, but for the bend.
+    Of the rectangles that fill a cell the nearest one, the front, hides all that are behind it at
+    all four corners. Between the corners 1 / t of two planes differs linearly, but for the bend.
 
-    :param hiding: (cells,) space, and ``front`` (cells,).
+    :param pairs: pairs of a cell and a rectangle, which are written.
+    :param slots: candidates, by rectangle.
+    :param hiding: (cells,) memory, which is overwritten, as is ``front`` (cells,).
+    :param bent: share of a cell that the image of a straight line bends within it at most.
     :param apart: share of 1 / t by which a surface is at least nearer than what it hides.
     """
     hiding[:] = -_ONE
@@ -243,7 +256,7 @@ def arrange(
     for cell in range(len(front)):
         pairs.first[cell + 1] += pairs.first[cell]
         front[cell] = pairs.first[cell + 1]
-    # From the last one on, so that those of a cell keep their order.
+    # A counting sort; from the last one on, so that those of a cell keep their order.
     for j in range(len(slots) - 1, -1, -1):
         cell = slots[j].cell
         if cell >= 0:
@@ -267,9 +280,11 @@ def paint(
     """Draw the view of the rays (3, h, w) of a band into a picture (h, w, colours).
 
     :param origin: row of its first rays in the whole image, and the whole image's last row.
+    :param visible: rectangles, and those of them that may be seen in each cell, with their
+        textures, shadows and gloss.
     :param atlas: (height, width, colours) textures.
-    :param areas: pixels see what is in their areas; else what is at their centres.
-    :param space: of this call alone.
+    :param areas: True: pixels see what is in their areas; False: what is at their centres.
+    :param space: memory for this call alone, of :func:`space`.
     """
     height, width, colours = picture.shape
     vectors, start = visible.planes
@@ -298,6 +313,7 @@ def paint(
                 for c in range(colours):
                     picture[row, column, c] = value[c]
                 continue
+            # The mean of eight points of the pixel; each pair that is seen is looked up once.
             pair_at[:] = -1
             front[:] = _ZERO
             for p in range(begin, end):
@@ -475,11 +491,11 @@ def _see_at_points(
     k: int,
     ray: Ray,
 ) -> None:
-    """Write the number of a pair at those points (8,) of a pixel at which it is nearest.
+    """Write the number of a pair at those points (8,) of a pixel at which it is nearest so far.
 
-    Of equals the first.
-
-    :param front: (8,) 1 / t of the nearest one so far.
+    :param pair_at: (8,) numbers of the nearest pairs, which are changed.
+    :param front: (8,) 1 / t of the nearest pairs, which are changed.
+    :param patch: the pair's steps of 1 / t, s / t and r / t to the neighbouring pixels.
     """
     n, s, r = _meet(vectors, start, m, k, ray)
     if n > _ZERO and _inside(patch, n, s, r) > -_ONE:
@@ -666,14 +682,17 @@ def shine(
     foot: tuple[np.float32, np.float32],
     height: np.float32,
 ) -> np.float32:
-    """Add the gloss to the square of a value (colours,); return the share of the value that stays.
+    """Write the light that a glossy point mirrors; return the share of its own light that stays.
 
-    As in :mod:`~imu_sim_ros.places.gloss`.
+    Squares of grey values are proportional to light. The formulas are those of
+    :mod:`~imu_sim_ros.places.gloss`: first the surroundings, between floor, horizon and zenith,
+    then the highlights of lamps and sun.
 
+    :param added: (colours,) mirrored light, which is written.
     :param m: number of the glossy region.
-    :param lit: (sources,) whose highlight may be there.
-    :param point: s and r of what is seen.
-    :param foot: those of the eye's foot on the plane; ``height`` above it [m].
+    :param lit: (sources,) True if the source's highlight may be there.
+    :param point: s and r of the point on its rectangle.
+    :param foot: s and r of the eye's foot on the plane; ``height`` of the eye above it [m].
     """
     region = sheen.regions[m]
     face = sheen.faces[region.face]
@@ -813,10 +832,13 @@ def paint_mesh(
 ) -> None:
     """Draw the view of n rays on a mesh into values (n, colours).
 
-    :param pitch: (n,) angles between the rays [rad].
-    :param textures: as those of :class:`~.texture.Atlas`.
-    :param modes: look at two mip levels; see what is in the pixels' areas.
-    :param space: of this call alone.
+    :param hits: triangle, point and distance that each ray meets.
+    :param pitch: (n,) angles between neighbouring rays [rad].
+    :param triangles: colours and textures of the triangles.
+    :param textures: image, sizes and corners of the textures, as those of
+        :class:`~.texture.Atlas`.
+    :param modes: True to look at two mip levels; True to see what is in the pixels' areas.
+    :param space: memory for this call alone, of :func:`space`.
     """
     image, size, corner = textures
     texel = space[0][0, : image.shape[2]]
@@ -880,7 +902,7 @@ def _footprint(
 ) -> tuple[np.float32, np.float32]:
     """Return the size that determines the level of a texture, and the footprint's length [texels].
 
-    That is the square of the texels along which the pixel extends at most, ``(density pitch t /
+    The size is the square of the texels along which the pixel extends at most, ``(density pitch t /
     cos)^2`` with the cosine between the ray and the triangle's normal; for areas that of its width,
     ``(density pitch t)^2``, or of an eighth of its length. The axis in u and v, put into ``along``,
     is the ray's projection onto the triangle.
@@ -941,7 +963,13 @@ def _repeat(
 ) -> None:
     """Write the mean (colours,) of 1, 2, 4, ... points along a footprint on a repeating texture.
 
-    :param corner: (LEVELS, 2) of the levels of the texture.
+    :param value: (colours,) mean, which is written.
+    :param image: atlas of textures.
+    :param size: (2,) columns and rows of the texture.
+    :param corner: (LEVELS, 2) column and row of each level of the texture in the atlas.
+    :param uv: (2,) middle of the footprint; ``along`` (2,) its long axis, in the same coordinates.
+    :param doublings: logarithm to base 2 of the number of points.
+    :param level: mip level; ``share`` of the next coarser one, in steps.
     """
     count = 1 << doublings
     value[:] = count >> 1

@@ -81,8 +81,11 @@ class MeshRenderer:
     ) -> None:
         """Draw pixels whose neighbours look different as means of eight rays.
 
-        :param rays: (3, h, w) of the picture.
-        :param poses_and_rows: the poses, and the rows of the picture.
+        :param picture: (h, w) or (h, w, 3), which is changed; ``picture_hits`` what its rays meet.
+        :param pitch: (h w,) angles between neighbouring rays [rad].
+        :param rays: (3, h, w) rays of the picture in the camera's frame.
+        :param poses_and_rows: positions and rotations R_wc of the camera, one or one for each row
+            of the image, and the rows of the picture.
         """
         (position, r_wc), rows = poses_and_rows
         eyes = position if len(position) == 1 else position[rows].repeat(rays.shape[2], axis=0)
