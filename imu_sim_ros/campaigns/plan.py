@@ -367,8 +367,17 @@ def read_plan(tree: Mapping[str, object]) -> Plan:
         problems.append("seed: is given by seeds, not by parameters or grid")
     problems.tell()
     return Plan(
-        *(options, layer, axes, seeds, faults, estimators, relative, require, environment),
-        *(custom_metrics, tolerance),
+        options=options,
+        parameters=layer,
+        axes=axes,
+        seeds=seeds,
+        faults=faults,
+        estimators=estimators,
+        relative=relative,
+        require=require,
+        environment=environment,
+        custom_metrics=custom_metrics,
+        tolerance=tolerance,
     )
 
 

@@ -167,12 +167,13 @@ class Covariance:
         self._transition = np.eye(SIZE, width)
         """[F G H], of errors and slow errors; the rows of the biases are constant."""
         self._rows = _transition_rows(width)
+        # Views of the transition: F, G, G H, its transpose, its rows of attitude and velocity.
         self._of_errors = self._transition[:, :SIZE]
         self._by_bias = self._transition[:9, GYRO_BIAS.start : SIZE]
         self._by_slow = self._transition[:9, SIZE:]
         self._by_start, self._passing = self._transition.T, self._transition[:6]
         self._moved = np.empty((SIZE, width))
-        """F [P C]"""
+        """F [P C], of which the next three are views: F P, F C, and the rows that gain G H."""
         self._moved_p, self._moved_c = self._moved[:, :SIZE], self._moved[:, SIZE:]
         self._gained_c = self._moved_c[:9]
         self._half = np.empty((SIZE, SIZE))

@@ -108,9 +108,15 @@ class SlowErrorsOfIntervals:
         return additions
 
     def _process_covariance(self, jacobian: Array, ends: Array, sums: Array) -> Array:
-        """Return (B, 15, 15) from the pieces' ends (B, N + 1), first 0, and S (B, N + 1, 9, 6)."""
+        """Return the processes' covariances (B, 15, 15).
+
+        :param jacobian: (B, 15, 15) at the ends of the intervals.
+        :param ends: (B, N + 1) ends of the N pieces [s], the first one 0.
+        :param sums: (B, N + 1, 9, 6) S at these ends.
+        """
         batch, count = ends.shape
-        # The value at the start, the means over the pieces, the value at the end.
+        # What acts is the value at the start, the means over the pieces, and the value at the end:
+        # N + 2 pieces, the first and the last of no length.
         weights = np.zeros((batch, count + 1, 15, 6))
         weights[:, 1:-1, :9] = jacobian[:, None, :9, :9] @ np.diff(sums, axis=1)
         weights[:, 0, :9] = -jacobian[:, :9, 9:]
@@ -118,6 +124,7 @@ class SlowErrorsOfIntervals:
         start = np.concatenate([ends[:, :1], ends], axis=1)
         end = np.concatenate([ends, ends[:, -1:]], axis=1)
         length = end - start
+        # (B, N + 2, N + 2) time between the end of one piece and the start of the other.
         gap = np.maximum(start[:, None], start[:, :, None])
         gap -= np.minimum(end[:, None], end[:, :, None])
         np.maximum(gap, 0.0, out=gap)

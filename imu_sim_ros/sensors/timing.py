@@ -33,7 +33,7 @@ class Sampled(NamedTuple):
     true_t_ns: Times
     """(n,) true times of the samples [ns]."""
     t: Array
-    """(n,) since the start of the run [s]."""
+    """(n,) true times since the start of the run [s]."""
 
 
 class SampleTimes:

@@ -38,7 +38,7 @@ class Route(NamedTuple):
     waypoints: Array
     """(n, 2) x, y in the world [m]."""
     times: Array | None
-    """(n,) since the first point [s]; None: the file has none."""
+    """(n,) times since the first point [s]; None: the file has none."""
     origin: tuple[float, float] | None
     """Latitude and longitude of the world's origin [deg]; None for a file in metres."""
     heights: Array

@@ -41,7 +41,7 @@ class Turntable(NamedTuple):
     bias_sigma: Array
     """(3,) standard errors."""
     g_sensitivity: Array | None
-    """(3, 3) [(rad/s)/(m/s^2)]; None if the positions cannot separate it from the bias."""
+    """(3, 3) g-sensitivity [(rad/s)/(m/s^2)]; None if it cannot be separated from the bias."""
     g_sensitivity_sigma: Array | None
     """(3, 3) standard errors."""
     stretches: Steady

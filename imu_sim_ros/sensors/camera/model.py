@@ -233,7 +233,7 @@ class Projection(NamedTuple):
     """Pixels of n points."""
 
     uv: Array
-    """(n, 2) [px]; meaningless where ``valid`` is false."""
+    """(n, 2) column and row [px]; meaningless where ``valid`` is false."""
     valid: Mask
     """(n,) True if the model has a pixel for the point, perhaps outside the image."""
 

@@ -330,7 +330,12 @@ def _rows_at(rows: int | tuple[Integers, Integers], values: Array) -> Array:
 
 
 def _draw(spread: Spread, nominal: Array, seeds: Integers, source: str) -> Array:
-    """Return values (m, 3) of units."""
+    """Return the values (m, 3) of a parameter that varies from unit to unit.
+
+    :param spread: distribution; Gaussian ones are around the nominal value (3,), others uniform.
+    :param seeds: (m,) seeds of the units.
+    :param source: name of the random stream.
+    """
     if spread.kind == "gaussian":
         return nominal + spread.low * Streams(seeds, source).next(1)[0]
     share = Streams(seeds, source, numbers="random").next(1)[0]

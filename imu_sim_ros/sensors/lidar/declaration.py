@@ -56,13 +56,13 @@ class LidarReadings(SensorReadings):
     intensity: Single
     """(n, m) measured intensities; 100 for a white surface square on."""
     direction: Single
-    """(n, m, 3) nominal, in the sensor's frame."""
+    """(n, m, 3) nominal directions, unit vectors in the sensor's frame."""
     time: Array
-    """(n, m) since the start of the scan [s]."""
+    """(n, m) times of the rays since the start of the scan [s]."""
     ring: NDArray[np.uint16]
     """(n, m) numbers of the rings."""
     true_range: Single
-    """(n, m) along the true direction [m]; infinite: nothing there."""
+    """(n, m) true ranges along the true directions [m]; infinite: nothing there."""
     true_point: Single
     """(n, m, 3) point that each ray met, in the sensor's frame at the start of the scan [m]."""
     range_error: Single
@@ -70,7 +70,7 @@ class LidarReadings(SensorReadings):
     incidence: Single
     """(n, m) angle between the ray and the surface's normal [rad]."""
     reflectivity: Single
-    """(n, m) diffuse, of what was met; NaN: nothing there."""
+    """(n, m) diffuse reflectivity of what each ray met; NaN: nothing there."""
     surface: NDArray[np.int32]
     """(n, m) number of the rectangle or triangle, within its body; -1: nothing there."""
     body: NDArray[np.uint8]

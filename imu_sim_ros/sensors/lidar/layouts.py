@@ -28,7 +28,7 @@ class Cloud(NamedTuple):
     ring: NDArray[np.uint16]
     """(k,) numbers of the rings."""
     time: Array
-    """(k,) since the stamp [s]."""
+    """(k,) times of the points since the stamp [s]."""
     range: Single
     """(k,) measured range of each point [m]."""
 

@@ -42,7 +42,7 @@ class MagneticField:
         self.earth_w = (
             np.array(p.value) if p.model == "constant" else world_magnetic_model(environment)
         )
-        """(3,) [T]."""
+        """(3,) field of the Earth in the world [T]."""
         dipoles = np.reshape(p.dipoles, (-1, 6))
         self._dipoles = [(row[:3], row[3:]) for row in dipoles]
         self._radius = p.dipole_radius

@@ -156,9 +156,13 @@ def patches(
 
 
 def _put_slopes(patches: NDArray[np.void], linear: Single) -> None:
-    """Set the changes of depth and texture coordinates across patches.
+    """Set the changes of depth and texture coordinates from pixel to pixel in patches.
 
-    :param linear: (3, 3, p) 1 / t, s / t and r / t of each of the probes.
+    ``inside`` is the inverse of the largest change of a distance from the edges along s, and along
+    r, within half a pixel; ``depth`` is that of 1 / t.
+
+    :param linear: (3, 3, p) 1 / t, s / t and r / t of each of the probes: a pixel, that on its
+        right, and that below it.
     """
     steps = linear[1:] - linear[:1]
     patches["steps"] = steps.transpose(2, 0, 1)

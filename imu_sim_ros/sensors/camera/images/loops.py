@@ -96,11 +96,13 @@ def candidates(
 ) -> int:
     """Write the cells in which rectangles may be, by rectangle; return their number.
 
-    Of more than there is room for (len(slots),) the first. A rectangle is looked for in tiles of
-    cells, and in the cells of those in which it may be.
+    A rectangle is looked for in tiles of cells, and in the cells of those in which it may be.
 
+    :param slots: candidates, which are written; the returned number may exceed their length, and
+        the last slot is then overwritten.
+    :param planes: m rectangles in the camera's frame, for each row of the image or for all.
     :param rays: (3, a + 1, b + 1) through the corners of all cells; ``rows`` (a + 1,) theirs.
-    :param edges: (5, tiles + 1, tiles + 1) space.
+    :param edges: (5, tiles + 1, tiles + 1) memory, which is overwritten.
     :param bent: share of a cell that the image of a straight line bends within it at most.
     :param slack: share by which a ray is longer within a cell than at its corners.
     """

@@ -119,20 +119,21 @@ class Renderer:
         """Yield planes, cells and line of each shadow of a body that may be in the image."""
         if self.crowd is None:
             return
-        world, sun = round_poses(eyes.world), self.crowd.sun
+        (position, r_wc), sun = round_poses(eyes.world), self.crowd.sun
         for body_eyes, shadow in zip(eyes.bodies, self.crowd.shadows, strict=True):
-            body_pose = round_poses(body_eyes)
+            position_b, r_bc = round_poses(body_eyes)  # the camera in the body's axes
             lines = [shadow.below]
             if sun is not None:
-                r_wb = (world[1][0][:, None] * body_pose[1][0]).sum(axis=2)
+                r_wb = (r_wc[0][:, None] * r_bc[0]).sum(axis=2)
                 line = shadow.shadow_line((sun.to_sun[:, None] * r_wb).sum(axis=0), 1.0)
-                if self._may_be_seen(line.ball, *body_pose):
-                    share = sun.share(world[0][0] - (r_wb * body_pose[0][0]).sum(axis=1))
-                    lines += [line._replace(depth=share)] * (share > 0.0)
+                if self._may_be_seen(line.ball, position_b, r_bc):
+                    share = sun.share(position[0] - (r_wb * position_b[0]).sum(axis=1))
+                    if share > 0.0:
+                        lines.append(line._replace(depth=share))
             for line in lines:
-                if self._may_be_seen(line.ball, *body_pose):
+                if self._may_be_seen(line.ball, position_b, r_bc):
                     floor = line.floor()
-                    planes = Planes.of(floor, floor.normal, *body_pose)
+                    planes = Planes.of(floor, floor.normal, position_b, r_bc)
                     yield planes, self._grid.pairs(planes), line
 
     def depth(self, eyes: Eyes) -> Single:
