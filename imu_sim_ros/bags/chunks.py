@@ -15,7 +15,7 @@ import numpy as np
 from imu_sim_ros.bags.messages.blocks import RowTemplate, as_list, as_row_template, interleave
 from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.threads import Pipeline, core_count
-from imu_sim_ros.bags.writer import EMPTY, BagTopic, Block, Writer, time_order
+from imu_sim_ros.bags.writer import NO_FIRST_NS, NO_LAST_NS, BagTopic, Block, Writer, time_order
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Bytes, Integers, Times
 
@@ -186,7 +186,7 @@ class ChunkWriter(Writer):
         self.file.cut(position)
         del self._written[chunks:]
         for topic in self.topics:
-            topic.count, topic.first_ns, topic.last_ns = EMPTY
+            topic.count, topic.first_ns, topic.last_ns = 0, NO_FIRST_NS, NO_LAST_NS
         for chunk in self._written:
             for topic, *messages in chunk.topics:
                 topic.add(*messages)
@@ -215,18 +215,11 @@ class ChunkWriter(Writer):
             if isinstance(payloads, RowTemplate) and bool(np.all(t_ns[1:] >= t_ns[:-1]))
         ]
         by_rows = len({topic for topic, _, _ in in_order}) == len(blocks)
-        for built in (
+        for message_chunk in (
             self._interleave_rows(in_order) if by_rows else self._interleave_messages(blocks)
         ):
-            chunk, prefix, self._before = built, self._before, b""
-            if prefix:
-                chunk = Chunk(
-                    np.concatenate([np.frombuffer(prefix, np.uint8), built.records]),
-                    [
-                        Indexed(topic, t_ns, offsets + len(prefix))
-                        for topic, t_ns, offsets in built.messages
-                    ],
-                )
+            chunk = _prepend(self._before, message_chunk) if self._before else message_chunk
+            self._before = b""
             for topic, t_ns, _ in chunk.messages:
                 topic.add(len(t_ns), int(t_ns.min()), int(t_ns.max()))
             if self._pipeline is None:
@@ -310,6 +303,14 @@ class ChunkWriter(Writer):
             ]
             yield Chunk(np.frombuffer(b"".join(records[part]), np.uint8), messages)
             start = stop
+
+
+def _prepend(records: bytes, chunk: Chunk) -> Chunk:
+    """Return a chunk with records without messages, such as connections, in front of its own."""
+    return Chunk(
+        np.concatenate([np.frombuffer(records, np.uint8), chunk.records]),
+        [Indexed(topic, t_ns, offsets + len(records)) for topic, t_ns, offsets in chunk.messages],
+    )
 
 
 def merge_tables(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:

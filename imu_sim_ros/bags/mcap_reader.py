@@ -275,11 +275,11 @@ class McapBag(ChunkedBag[_Chunk]):
         opcode, length, channel = struct.unpack_from("<BQH", head)
         if opcode != MESSAGE or length < MESSAGE_HEADER.itemsize - _HEADER_BYTES:
             return False
-        has_channel_ids, of_summary = self._channels, self._summary_channels
+        known_channels, summary_channels = self._channels, self._summary_channels
         return (
-            channel in has_channel_ids
-            or channel in of_summary
-            or not (has_channel_ids or of_summary)
+            channel in known_channels
+            or channel in summary_channels
+            or not (known_channels or summary_channels)
         )
 
     def _add_chunk(self, position: int, end: int, counts: dict[int, int]) -> int:

@@ -132,11 +132,11 @@ def imu_blocks(
             fields = fields.at(~unlike)
         if not len(fields.t_ns):
             continue
-        gyro, accel, no_gyro, no_accel = fields.numbers.values()
+        gyro, accel, gyro_variance, accel_variance = fields.numbers.values()
         yield Readings.unchecked(
             t_ns=fields.t_ns,
-            gyro=None if no_gyro[0] == -1.0 else gyro,
-            accel=None if no_accel[0] == -1.0 else accel,
+            gyro=None if gyro_variance[0] == -1.0 else gyro,
+            accel=None if accel_variance[0] == -1.0 else accel,
             frame_id=chosen,
             source=str(path),
         )
@@ -258,13 +258,14 @@ def odometry_blocks(
         with np.errstate(over="ignore", invalid="ignore"):  # what is passed on with a warning
             velocity = rotate(q_wb, linear)
         frame_id, child_frame_id = fields.texts
-        no_velocity, no_rate = ((twist[:, k] == -1.0).all() for k in (0, _RATE_VARIANCE))
+        has_velocity = not (twist[:, 0] == -1.0).all()  # -1 in a variance: absent
+        has_rate = not (twist[:, _RATE_VARIANCE] == -1.0).all()
         yield States.unchecked(
             t_ns=fields.t_ns,
             position=position,
             q_wb=q_wb,
-            velocity=None if no_velocity else velocity,
-            angular_velocity=None if no_rate else angular,
+            velocity=velocity if has_velocity else None,
+            angular_velocity=angular if has_rate else None,
             covariance=pose.reshape(-1, 6, 6),
             twist_covariance=twist.reshape(-1, 6, 6),
             frame_id=frame_id,

@@ -61,12 +61,25 @@ _MESSAGE_HEAD_BYTES: Final = 8 + sum(
 """Size of a message's header and of the length of its data."""
 
 
+class _Connection(NamedTuple):
+    """A publisher's connection to a topic."""
+
+    topic: str
+    type_name: str
+    """Name of the type in ROS 2: ``sensor_msgs/msg/Imu``."""
+    schema: Schema
+    is_latched: bool
+    """True if late subscribers got the last message."""
+
+
 class _Record(NamedTuple):
     """A record: the fields of its header, and the place of its data in the file or chunk."""
 
     fields: dict[str, bytes]
     start: int
+    """First byte of the data."""
     size: int
+    """Bytes of the data."""
     whole: bool
 
     @property
@@ -109,7 +122,8 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
 
     def _open(self) -> None:
         """Read the index at the end of the bag; in recovery, scan the file."""
-        self._connections: dict[int, tuple[str, str, Schema, bool]] = {}
+        self._connections: dict[int, _Connection] = {}
+        """Connections by their ids."""
         self._check_start(MAGIC, "a ROS 1 bag of format 2.0")
         try:
             self._name_topics(self._scan() if self._recover else self._read_index())
@@ -226,13 +240,16 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
             self._leave_out(record.start, record.after, f"connection: {error}")
 
     def _scan_chunk(self, position: int, record: _Record, counts: dict[int, int]) -> int:
-        """Note a chunk and count its messages; returns where to go on.
+        """Register a chunk and count its messages; return the position where the scan goes on.
 
-        The records of a damaged chunk without compression are gone through like messages outside
+        The records of a damaged chunk without compression are scanned like messages outside
         chunks, so that only the damaged ones are lost.
+
+        :param position: position of the chunk's record in the file.
+        :param counts: numbers of messages by connection, to which those of the chunk are added.
         """
         is_last = record.whole or self._next_record(position + 1) == self._end
-        stored = record.fields["compression"] == b"none"
+        is_uncompressed = record.fields["compression"] == b"none"
         problem = "" if record.whole else "cut off by the end of the file"
         data = b""
         try:
@@ -240,8 +257,8 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         except DAMAGE as error:
             problem = str(error)
         records = list(_records(data))
-        if stored and (problem or not records or records[-1].after < len(data)):
-            return record.start
+        if is_uncompressed and (problem or not records or records[-1].after < len(data)):
+            return record.start  # scan the records in the chunk one by one
         end = record.after
         if problem and not (data and is_last):
             if end != self._end and not self._is_followed(end):
@@ -251,7 +268,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
             return end
         self._add_scanned(_Chunk(position, 0, False), data, records, counts)
         if problem:
-            message_count = sum(message_count.op == OP_MESSAGE for message_count in records)
+            message_count = sum(record.op == OP_MESSAGE for record in records)
             problem = f"chunk: {problem}; {message_count} messages before that are kept"
             self._leave_out(position, self._end, problem)
         elif not records or records[-1].after < len(data):
@@ -339,36 +356,40 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         details = _fields(data, len(data))
         # The data has the name before remapping; the header's is the one that counts.
         id_ = record.number("conn")
-        current = record.fields["topic"].decode(), ros2_name(details["type"].decode())
-        previous = self._connections[id_][:2] if id_ in self._connections else current
-        if previous != current:
-            raise ContradictionError(
-                f"connection {id_} is {current[0]} from here on, and {previous[0]} before"
-            )
-        self._connections[id_] = (
-            *current,
-            Schema(
+        connection = _Connection(
+            topic=record.fields["topic"].decode(),
+            type_name=ros2_name(details["type"].decode()),
+            schema=Schema(
                 details["message_definition"].decode("utf-8", "replace"),
                 details["md5sum"].decode(),
             ),
-            details.get("latching") == b"1",
+            is_latched=details.get("latching") == b"1",
         )
+        previous = self._connections.get(id_, connection)
+        if (previous.topic, previous.type_name) != (connection.topic, connection.type_name):
+            raise ContradictionError(
+                f"connection {id_} is {connection.topic} from here on, and {previous.topic} before"
+            )
+        self._connections[id_] = connection
 
     def _name_topics(self, counts: Mapping[int, int]) -> None:
-        """Make a topic of all connections with the same name and type."""
+        """Make a topic of all connections with the same name and type.
+
+        :param counts: numbers of messages by the ids of connections.
+        """
         groups: dict[tuple[str, str], list[int]] = {}
         for id_, count in counts.items():
             if count and id_ not in self._connections:
                 self._leave_out_messages(count, f"the definition of connection {id_} is lost")
-        for connection, (name, type_name, _, _) in self._connections.items():
-            groups.setdefault((name, type_name), []).append(connection)
-        for (name, type_name), connections in groups.items():
-            _, _, schema, latched = self._connections[connections[0]]
-            qos = Qos(durability="transient_local") if latched else Qos()
-            count = sum(counts.get(connection, 0) for connection in connections)
-            topic = TopicInfo(name, type_name, count, schema, (qos,))
+        for id_, connection in self._connections.items():
+            groups.setdefault((connection.topic, connection.type_name), []).append(id_)
+        for (name, type_name), ids in groups.items():
+            connection = self._connections[ids[0]]
+            qos = Qos(durability="transient_local") if connection.is_latched else Qos()
+            count = sum(counts.get(id_, 0) for id_ in ids)
+            topic = TopicInfo(name, type_name, count, connection.schema, (qos,))
             self.topics.append(topic)
-            self._topic_of.update(dict.fromkeys(connections, topic))
+            self._topic_of.update(dict.fromkeys(ids, topic))
 
     def _chunk(self, position: int) -> tuple[bytes, int]:
         """Return the content of a chunk, and the offset of the record behind it."""

@@ -218,16 +218,16 @@ class SqliteBag(Bag):
 
     def _blocks(self, rows: Sequence[tuple[int, object, object]]) -> list[MessageBlock]:
         """Return rows of the table of messages, in blocks of one topic each."""
-        by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
+        columns_by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
         for id_, t_ns, payload in rows:
             if not isinstance(t_ns, int) or not isinstance(payload, bytes):
                 raise ValueError("a message whose time is not a number or whose data are not bytes")
-            times, payloads = by_topic.setdefault(id_, ([], []))
+            times, payloads = columns_by_topic.setdefault(id_, ([], []))
             times.append(t_ns)
             payloads.append(payload)
         return [
             MessageBlock(self._topics[id_], np.array(times, dtype=np.int64), _table(payloads))
-            for id_, (times, payloads) in by_topic.items()
+            for id_, (times, payloads) in columns_by_topic.items()
         ]
 
 

@@ -66,15 +66,19 @@ def blocks(
         return
     decoded_stream = decode_blocks(path, table.type, topic, table.fields, recover, skipped, warned)
     for decoded in decoded_stream:
-        values, *stated_of = decoded.numbers.values()
+        values, *covariances = decoded.numbers.values()
         values = values.reshape(-1, table.columns)
         t_ns = decoded.t_ns
-        covariance = stated_of[0] if stated_of else np.zeros((len(t_ns), size, size))
+        covariance = covariances[0] if covariances else np.zeros((len(t_ns), size, size))
         covariance = covariance.reshape(-1, size, size)
         if table.of_readings:
             values = quaternions_wxyz(values)
-            stated = covariance[:, 0, 0] >= 0.0  # -1: there is no orientation (REP-145)
-            t_ns, values, covariance = t_ns[stated], values[stated], covariance[stated]
+            has_orientation = covariance[:, 0, 0] >= 0.0  # -1: there is no orientation (REP-145)
+            t_ns, values, covariance = (
+                t_ns[has_orientation],
+                values[has_orientation],
+                covariance[has_orientation],
+            )
         yield TableRows(t_ns, values, covariance)
 
 

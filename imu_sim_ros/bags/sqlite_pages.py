@@ -103,6 +103,7 @@ class MessagePages:
     def _find_page_start(self, offset: int) -> int | None:
         """Return where within a page's length from here a page begins, if one does."""
         data = self._read(offset, 2 * self._page_size)
+        # The pattern looks 3 bytes ahead: a page may begin at any of the next page_size bytes.
         for match in _LEAF.finditer(data, 1, self._page_size + 3):
             cells = self._cells(data[match.start() : match.start() + self._page_size])
             if cells and all(cell.row for cell in cells):

@@ -104,7 +104,7 @@ class SqliteWriter(Writer):
             digest,
         )
         self._execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", row)
-        is_known = any(topic_of_type.type_name == topic.type_name for topic_of_type in self.topics)
+        is_known = any(earlier.type_name == topic.type_name for earlier in self.topics)
         if text and not is_known:
             self._execute(
                 "INSERT INTO message_definitions (topic_type, encoding, "
@@ -119,9 +119,9 @@ class SqliteWriter(Writer):
         if not blocks:
             return
         times = blocks[0].t_ns
-        of_constant_size = not any(isinstance(block.payloads, list) for block in blocks)
+        has_constant_sizes = not any(isinstance(block.payloads, list) for block in blocks)
         if (
-            of_constant_size
+            has_constant_sizes
             and len({block.topic for block in blocks}) == len(blocks)
             and all(np.array_equal(block.t_ns, times) for block in blocks)
             and bool(np.all(times[1:] >= times[:-1]))

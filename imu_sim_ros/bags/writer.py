@@ -28,8 +28,10 @@ COMPRESSED: Final = tuple(dict.fromkeys(name for names in COMPRESSIONS.values() 
 """The compressions of any storage."""
 
 
-EMPTY: Final = (0, 2**63 - 1, -1)
-"""Count, first and last time of a topic without messages."""
+NO_FIRST_NS: Final = 2**63 - 1
+"""First time of a topic without messages: later than any."""
+NO_LAST_NS: Final = -1
+"""Last time of a topic without messages: earlier than any."""
 
 
 @dataclass(eq=False)
@@ -37,13 +39,17 @@ class BagTopic:
     """A topic of a bag that is being written, and its contents so far."""
 
     index: int
+    """Number of the topic in the bag, from 0."""
     name: str
     type_name: str
     schema: Schema
     qos: tuple[Qos, ...]
-    count: int = EMPTY[0]
-    first_ns: int = EMPTY[1]
-    last_ns: int = EMPTY[2]
+    """Profiles of its publishers."""
+    count: int = 0
+    first_ns: int = NO_FIRST_NS
+    """Earliest record time [ns]."""
+    last_ns: int = NO_LAST_NS
+    """Latest record time [ns]."""
     keeps_seq: bool = False
     """ROS 1: the messages come with a header.seq of their own; else the writer counts."""
     earlier_messages: int = 0
@@ -251,10 +257,10 @@ def rosbag2_metadata(
     parts = []
     for file in files:
         filled = [topic for topic in file.topics if topic.count]
-        start = min((topic.first_ns for topic in filled), default=EMPTY[1])
+        start = min((topic.first_ns for topic in filled), default=NO_FIRST_NS)
         end = max((topic.last_ns for topic in filled), default=start)
         parts.append((file.path.name, start, end, file.count))
-    start = min((start for _, start, _, count in parts if count), default=EMPTY[1])
+    start = min((start for _, start, _, count in parts if count), default=NO_FIRST_NS)
     end = max((end for _, _, end, count in parts if count), default=start)
     return {
         "version": METADATA_VERSION,

@@ -69,5 +69,5 @@ def _parameters(parser: argparse.ArgumentParser) -> list[str]:
     from imu_sim_ros.navigation.parameters import IntegratorParameters
     from imu_sim_ros.simulation.parameters import SimulationParameters
 
-    of_integrator = parser.prog == "dead_reckon"
-    return list(flatten(IntegratorParameters() if of_integrator else SimulationParameters()))
+    is_integrator = parser.prog == "dead_reckon"
+    return list(flatten(IntegratorParameters() if is_integrator else SimulationParameters()))

@@ -88,8 +88,8 @@ def _lines() -> Iterator[str]:
     yield from _kinds("trajectory", TrajectoryParameters, TYPES)
     yield from _node("Cameras")
     rig = parameters(RigParameters)
-    of_rig = {name: rig[name] for name in ("cameras", "features.layout")}
-    yield from _table({**of_rig, **_below("camera", CameraParameters)})
+    rig_rows = {name: rig[name] for name in ("cameras", "features.layout")}
+    yield from _table({**rig_rows, **_below("camera", CameraParameters)})
     yield from _kinds("scene", SceneParameters, SCENES)
     for name, sensor in switchable_sensors().items():
         yield f"## Sensor {name}\n"
@@ -118,14 +118,14 @@ def _below(prefix: str, section: type) -> dict[str, Parameter]:
 
 def _kinds(name: str, shared: type, kinds: Mapping[str, type]) -> Iterator[str]:
     """Yield the parameters of every kind of a thing, and then each kind's own."""
-    of_all = _below(name, shared)
+    shared_rows = _below(name, shared)
     yield f"### Every {name}\n"
-    yield from _table(of_all)
+    yield from _table(shared_rows)
     for kind, section in kinds.items():
         yield f"### {name}.type: {kind}\n"
         yield f"{(section.__doc__ or '').strip().split(chr(10))[0]}\n"
-        of_kind = _below(name, section)
-        yield from _table({key: of_kind[key] for key in of_kind if key not in of_all})
+        kind_rows = _below(name, section)
+        yield from _table({key: kind_rows[key] for key in kind_rows if key not in shared_rows})
 
 
 def _groups(rows: Mapping[str, Parameter]) -> dict[str, dict[str, Parameter]]:

@@ -84,15 +84,15 @@ def view(arguments: argparse.Namespace) -> None:
     save = arguments.save and written.add(arguments.save, endings=(".rrd",))
     with written.stage():
         truth, paths = _paths(arguments)  # what cannot be read is said before the viewer starts
-        shown = FlightView(arguments.flight.name)
+        flight_view = FlightView(arguments.flight.name)
         if save:
-            shown.save(save.path)
+            flight_view.save(save.path)
         else:
-            shown.spawn()
-        result = _fill(shown, arguments, truth, paths)
-        shown.flush()
+            flight_view.spawn()
+        result = _fill(flight_view, arguments, truth, paths)
+        flight_view.flush()
     notes = result.pop("notes")
-    parts = ", ".join(f"{count} {what}" for what, count in result.items())
+    parts = ", ".join(f"{count} {noun}" for noun, count in result.items())
     result = {"output": arguments.save and str(arguments.save), **result, "notes": notes}
     lines = [*input_lines(notes), f"{arguments.save or 'rerun'}: {parts}"]
     program.print_result(arguments, result, lines)
@@ -146,8 +146,8 @@ def _fill(
     if has_topics(flight):
         counts["biases"] = _biases(shown, flight)
     if not arguments.no_images:
-        of_folder = not has_topics(flight)
-        cameras = camera_names(flight) if of_folder else _topics(flight, IMAGE, COMPRESSED_IMAGE)
+        is_folder = not has_topics(flight)
+        cameras = camera_names(flight) if is_folder else _topics(flight, IMAGE, COMPRESSED_IMAGE)
         for name in cameras:
             shown.images(name.strip("/"), read_images(flight, name))
             counts["images"] += 1

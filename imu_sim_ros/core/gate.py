@@ -260,12 +260,12 @@ def _good(quantity: Quantity, values: Array) -> Mask | None:
         values = np.where(np.isnan(values), 0.0, values)
     # Extremes are NaN if a value is, and need no memory; nearly always they are enough.
     with np.errstate(invalid="ignore"):
-        in_range = values.min() >= -quantity.largest and values.max() <= quantity.largest
+        all_in_range = values.min() >= -quantity.largest and values.max() <= quantity.largest
     good: Mask = np.ones(len(values), dtype=bool)
-    if not in_range:
+    if not all_in_range:
         with np.errstate(invalid="ignore"):
-            in_limits = np.abs(values) <= quantity.largest
-        good = np.asarray(in_limits.reshape(len(values), -1).all(axis=1))
+            is_in_limits = np.abs(values) <= quantity.largest
+        good = np.asarray(is_in_limits.reshape(len(values), -1).all(axis=1))
     if quantity is ORIENTATION:
         with np.errstate(over="ignore", invalid="ignore"):
             length = np.sqrt(np.einsum("ni,ni->n", values, values))

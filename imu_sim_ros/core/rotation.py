@@ -289,10 +289,10 @@ def cumulative_product(q: ArrayLike) -> Array:
     rows = -(-n // columns)
     table = np.zeros((columns, 4, rows))
     table[n % columns :, 0, -1] = 1.0  # what is missing of the last row; the rest is filled next
-    whole = n // columns
-    in_rows = table.transpose(1, 2, 0)
-    in_rows[:, :whole] = sequence[:, : whole * columns].reshape(4, whole, columns)
-    in_rows[:, whole:, : n % columns] = sequence[:, None, whole * columns :]
+    whole_rows = n // columns
+    row_view = table.transpose(1, 2, 0)
+    row_view[:, :whole_rows] = sequence[:, : whole_rows * columns].reshape(4, whole_rows, columns)
+    row_view[:, whole_rows:, : n % columns] = sequence[:, None, whole_rows * columns :]
     scratch, terms = np.empty((_AHEAD, 4, 4, rows)), np.empty((4, 4, rows))
     running = table[0]
     for begin in range(1, columns, _AHEAD):

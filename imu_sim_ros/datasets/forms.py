@@ -94,8 +94,8 @@ def _usual_topics(
 
     A dataset has tables of readings; a bag has all topics except those of optional packages.
     """
-    in_text = form is not None
-    tables = in_text and form in WITH_TABLES and path.suffix.lower() != ".csv"
+    is_text = form is not None
+    tables = is_text and form in WITH_TABLES and path.suffix.lower() != ".csv"
     names = []
     for name, offer in published_topics(sensors, SimulatorParameters().publish).items():
         topic, sensor, companions = (
@@ -108,16 +108,16 @@ def _usual_topics(
         if form in sensor.datasets:
             continue  # the dataset has files of this sensor
         if (
-            in_text
+            is_text
             and sensor.table is None
             and companions
             and companions.suffixes(offer.mounted.parameters)
         ):
             continue  # the companions hold these readings
-        if in_text and sensor.table is not None and not (tables and topic is sensor.topics[0]):
+        if is_text and sensor.table is not None and not (tables and topic is sensor.topics[0]):
             continue
         names.append(name)
-    if not in_text and any(
+    if not is_text and any(
         mount.sensor.sees and not mount.sensor.apart for mount in sensors.values()
     ):
         names.append(MOUNTS)  # placing points in the world needs the mounts; camera stacks do not
@@ -315,24 +315,20 @@ class DatasetTarget:
     @property
     def counts(self) -> dict[str, int]:
         """Number of rows by topic, and of images by camera."""
-        readings = zip(self._imus, self.dataset.imus, strict=False)  # a TUM file has none
-        states = zip(self._states, self.dataset.truths, strict=False)
-        tables = ((self._tables[key], file) for key, file in self.dataset.tables.items())
-        return {
-            **{
-                resolve_topic(self._sensors[name].space + IMU_TOPIC): f.rows for name, f in readings
-            },
-            **{
-                resolve_topic(self._sensors[name].space + TRUTH_TOPIC): f.rows for name, f in states
-            },
-            **{
-                resolve_topic(
-                    f"{table.mounted.space}{table.mounted.sensor.topics[0].name}"
-                ): file.rows
-                for table, file in tables
-            },
-            **({} if self._camera_files is None else self._camera_files.counts),
-        }
+        row_counts: dict[str, int] = {}
+        # A TUM file has states and no readings.
+        for name, readings_file in zip(self._imus, self.dataset.imus, strict=False):
+            topic = self._sensors[name].space + IMU_TOPIC
+            row_counts[resolve_topic(topic)] = readings_file.rows
+        for name, states_file in zip(self._states, self.dataset.truths, strict=False):
+            topic = self._sensors[name].space + TRUTH_TOPIC
+            row_counts[resolve_topic(topic)] = states_file.rows
+        for key, table_file in self.dataset.tables.items():
+            mounted = self._tables[key].mounted
+            topic = f"{mounted.space}{mounted.sensor.topics[0].name}"
+            row_counts[resolve_topic(topic)] = table_file.rows
+        image_counts = {} if self._camera_files is None else self._camera_files.counts
+        return row_counts | image_counts
 
     def write(self, window: WindowSamples) -> None:
         """Write the rows of a window of time, and the data of its cameras."""

@@ -180,8 +180,8 @@ class ImageFolders:
         camera = self.views[frame.camera].parameters
         if camera.images != "none":
             image: Bytes = samples.image[frame.row]
-            in_range = widen_to_16_bits(image) if self._has_16_bits and image.ndim == 2 else image
-            self._write_file(path, png(in_range))
+            pixels = widen_to_16_bits(image) if self._has_16_bits and image.ndim == 2 else image
+            self._write_file(path, png(pixels))
         outputs = self._outputs(camera)
         if DEPTH_FOLDER in outputs:
             depth, mask = samples.depth_and_mask[frame.row]

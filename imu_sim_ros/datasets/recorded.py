@@ -191,12 +191,14 @@ def _read_image_list(table: Path, skipped: Skipped | None) -> RecordedFrames:
     for number, fields in _rows(table):
         problem = _problem(fields, files, stamps[-1] if stamps else 0)
         if problem is None:
-            stamps.append(int(fields[0]))
-            names.append(fields[1])
+            stamp, name = fields[:2]
+            stamps.append(int(stamp))
+            names.append(name)
             bad.good += 1
         else:
+            reason, line = problem
             bad.rows += 1
-            bad.note(problem[0], number, problem[1])
+            bad.note(reason, number, line)
     if skipped is None:
         bad.complain()
     elif bad.rows:

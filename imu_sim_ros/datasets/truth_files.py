@@ -139,8 +139,8 @@ def _siblings(output: Path) -> Iterator[Path]:
     stem = _stem(output)
     for name in (stem, *(f"{stem}{part}{suffix}" for suffix in _SUFFIXES for part in ("", "_0"))):
         path = output.parent / name
-        of_this = name in (output.name, f"{stem}_0{output.suffix}")
-        if not of_this and path.exists():
+        is_same_output = name in (output.name, f"{stem}_0{output.suffix}")
+        if not is_same_output and path.exists():
             yield path
 
 

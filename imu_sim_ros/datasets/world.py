@@ -107,11 +107,13 @@ def _dataset_mount(path: Path, imu_name: str | None, with_truth: bool) -> _Recor
     """
     if not (path.is_dir() and is_text(path)):
         return _RecordedMount()
-    of_imu = _folder_mount(imu_file(path, imu_name).parent)
-    of_truth = _folder_mount(state_file(path).parent) if with_truth else None
-    if of_imu is None:
+    imu_mount = _folder_mount(imu_file(path, imu_name).parent)
+    truth_mount = _folder_mount(state_file(path).parent) if with_truth else None
+    if imu_mount is None:
         return _RecordedMount()
-    return _RecordedMount(of_imu if of_truth is None else inverse_pose(of_truth) @ of_imu)
+    return _RecordedMount(
+        imu_mount if truth_mount is None else inverse_pose(truth_mount) @ imu_mount
+    )
 
 
 def _folder_mount(folder: Path) -> Array | None:
@@ -158,13 +160,13 @@ def static_transforms(path: Path) -> Transforms:
 
 def transform_between(transforms: Transforms, frame: str, body: str) -> Array | None:
     """Return T (4, 4), which maps coordinates from one frame to another; None: unknown."""
-    from_frame, from_body = (
+    frame_ancestors, body_ancestors = (
         transforms_to_ancestors(transforms, frame),
         transforms_to_ancestors(transforms, body),
     )
-    for ancestor, pose in from_frame.items():
-        if ancestor in from_body:
-            return inverse_pose(from_body[ancestor]) @ pose
+    for ancestor, pose in frame_ancestors.items():
+        if ancestor in body_ancestors:
+            return inverse_pose(body_ancestors[ancestor]) @ pose
     return None
 
 

@@ -393,11 +393,11 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     :param place: name of the file, which decides the quantity of ``x, y, z`` without a name.
     :raises ValueError: with a line for a header that is unknown or contradicts itself.
     """
-    in_flight = {name.lower() for name in names} >= set(_RATES_OF_FLIGHT)
+    is_flight_log = {name.lower() for name in names} >= set(_RATES_OF_FLIGHT)
     columns, notes = _keep_one_temperature(
         names,
         [
-            column_of(_RATES_OF_FLIGHT.get(name.lower(), name) if in_flight else name)
+            column_of(_RATES_OF_FLIGHT.get(name.lower(), name) if is_flight_log else name)
             for name in names
         ],
     )
@@ -419,14 +419,17 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
         units.setdefault(quantity, set()).add(column.unit)
     stamp = next((k for k in stamps if "stamp" in names[k].lower()), stamps[0])
     stamp, nanosecond = _pair(names, columns, stamps, stamp)
-    stated = columns[stamp]
-    unit = "" if stated is None else stated.unit
+    stamp_column = columns[stamp]
+    unit = "" if stamp_column is None else stamp_column.unit
     digits = TIME_UNITS[unit] if unit else None
     if digits is None and any("accelerometer_m_s2" in name or "gyro_rad" in name for name in names):
         digits = TIME_UNITS["us"]  # PX4's uORB topics
-    unit_of = {quantity: next(iter(stated)) for quantity, stated in units.items()}
+    unit_by_quantity = {
+        quantity: next(iter(stamp_column)) for quantity, stamp_column in units.items()
+    }
     factors = {
-        quantity: UNITS[quantity][unit] if unit else 1.0 for quantity, unit in unit_of.items()
+        quantity: UNITS[quantity][unit] if unit else 1.0
+        for quantity, unit in unit_by_quantity.items()
     }
     return TableHeader(
         len(names),
@@ -438,7 +441,7 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
             for name, axes in places.items()
         },
         factors,
-        {name: unit for name, unit in unit_of.items() if unit},
+        {name: unit for name, unit in unit_by_quantity.items() if unit},
         notes,
     )
 
@@ -554,7 +557,7 @@ def _problems(
     if not any(column.quantity == STAMP for column in kinds):
         yield f"the header {_names_text(names)} has no stamp; known are {_KNOWN}"
         return
-    by_name: dict[tuple[str, str], str] = {}
+    names_by_axis: dict[tuple[str, str], str] = {}
     for name, column in zip(names, columns, strict=True):
         if column is None:
             continue
@@ -563,9 +566,10 @@ def _problems(
                 yield f"{name}: the unit {column.unit} is not one of ns, us, ms, s"
             continue
         key = (column.quantity, column.axis)
-        if key in by_name:
-            yield f"{by_name[key]} and {name} are both {column.quantity} {column.axis}".rstrip()
-        by_name[key] = name
+        if key in names_by_axis:
+            line = f"{names_by_axis[key]} and {name} are both {column.quantity} {column.axis}"
+            yield line.rstrip()
+        names_by_axis[key] = name
         allowed = UNITS[column.quantity]
         if column.unit and column.unit not in allowed:
             usual = ("rad/s", "deg/s", "m/s^2", "g", "mg", "m", "m/s", "degc")
@@ -580,7 +584,7 @@ def _problems(
     if not quantities - {TEMPERATURE}:
         yield f"the header {_names_text(names)} has no known quantity; known are {_KNOWN}"
     for quantity in quantities:
-        axes = [axis for axis in AXES_OF[quantity] if (quantity, axis) not in by_name]
+        axes = [axis for axis in AXES_OF[quantity] if (quantity, axis) not in names_by_axis]
         if axes and len(AXES_OF[quantity]):
             yield f"the header {_names_text(names)} has no {quantity} {', '.join(axes)}"
         units = {column.unit for column in kinds if column.quantity == quantity}

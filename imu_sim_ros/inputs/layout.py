@@ -53,8 +53,9 @@ _LEAST_ROWS: Final = 10
 """Smallest number of stamps that determines their unit."""
 _LONGEST_NUMBER: Final = 8
 """Most digits of the number of a row; Unix times have more."""
-_EPOCH: Final = (8e8, 4.2e9)
-"""Unix times of the years 1995 to 2103 [s]."""
+_EARLIEST_UNIX: Final = 8e8
+_LATEST_UNIX: Final = 4.2e9
+"""Unix times of the years 1995 and 2103 [s]."""
 _SHORTEST_STEP: Final = 10_000
 """Smallest step of stamps that may be in nanoseconds [ns]: no IMU has more than 100 kHz."""
 _LEAST_MICROSECONDS: Final = 100
@@ -112,7 +113,7 @@ class RowFormat(NamedTuple):
 
 
 def _unquote_row(text: bytes) -> bytes | None:
-    """Return a row whose cells are all in quotes with semicolons between them; else None."""
+    """Return the cells of a row ``"1","2"`` joined by semicolons; None: not all are in quotes."""
     text = text.strip().removesuffix(b",")
     inner = text[1:-1].split(b'","')
     if text[:1] + text[-1:] != b'""' or any(b'"' in cell for cell in inner):
@@ -622,7 +623,7 @@ def _digits(
             f"{path}: the stamps are taken as {TIME_NAMES[digits]}: {shorten_word(texts[0])}",
             Remark,
         )
-    elif usual == _SECONDS and not points and step and step.is_integer() and size < _EPOCH[0]:
+    elif usual == _SECONDS and not points and step and step.is_integer() and size < _EARLIEST_UNIX:
         warn(
             f"{path}: the stamps increase by {step:g} and have no decimals: taken as s; if they "
             "are milliseconds or numbers of rows, name the unit in a header: timestamp [ms]",
@@ -638,9 +639,15 @@ def _digits_by_size(size: float, step: float, points: bool, usual: int) -> int |
     :param step: median of the positive steps; 0: there are none.
     :param points: True if the stamps have a decimal point.
     """
-    utc = next((d for d in (0, 3, 6, 9) if _EPOCH[0] <= size * 10.0 ** (d - 9) <= _EPOCH[1]), None)
+    # Digits d of a unit of 10**-(9 - d) s in which the stamps are Unix times.
+    unix_digits = (
+        d for d in (0, 3, 6, 9) if _EARLIEST_UNIX <= size * 10.0 ** (d - 9) <= _LATEST_UNIX
+    )
+    utc = next(unix_digits, None)
     if usual == _SECONDS:
-        return utc if utc is not None else usual if size <= _LAST_SECOND else 0
+        if utc is not None:
+            return utc
+        return usual if size <= _LAST_SECOND else 0
     if utc == 0 or (utc == _SECONDS and (points or step < _LEAST_MICROSECONDS)):
         return utc
     if utc in (3, 6) and step < (_SLOWEST if utc == 3 else _SHORTEST_STEP):

@@ -394,7 +394,7 @@ class ErrorModel:
 
 
 class ErrorModelBatch:
-    """The errors of many sensors, for thousands of environments: made by ``ErrorModel(count=...)``.
+    """Error models of many sensors, for thousands of environments: ``ErrorModel(count=...)``.
 
     Each call of :meth:`read` is the next sample of all of them. Environment k is, bit for bit, the
     one ``ErrorModel`` with the seed ``seed + k``.
@@ -413,8 +413,8 @@ class ErrorModelBatch:
     >>> samples = model.read(0, np.zeros((8, 3)), np.tile([0.0, 0.0, 9.81], (8, 1)))
     >>> samples.gyro.shape, samples.gyro_bias.shape
     ((8, 3), (8, 3))
-    >>> one = ims.ErrorModel(imu="bmi088", rate=200, seed=1 + 5)
-    >>> block = one.read(0, [0.0, 0.0, 0.0], [0.0, 0.0, 9.81])
+    >>> sixth = ims.ErrorModel(imu="bmi088", rate=200, seed=1 + 5)
+    >>> block = sixth.read(0, [0.0, 0.0, 0.0], [0.0, 0.0, 9.81])
     >>> bool((block.gyro[0] == samples.gyro[5]).all())
     True
     """
@@ -577,7 +577,8 @@ class ErrorModelBatch:
         :param altitude: in its place, (count,) heights above sea level [m].
         :raises ConfigurationError: for an array of another shape, and rates that differ.
         """
-        t_ns, (name, quantity) = _time(t_ns), _single_argument(pressure=pressure, altitude=altitude)
+        t_ns = _time(t_ns)
+        name, quantity = _single_argument(pressure=pressure, altitude=altitude)
         values = arguments.array(name, quantity, (self.count,), finite=False).copy()
         invalid = _impossible(
             values[:, None], gate.POSITION if name == "altitude" else gate.PRESSURE
@@ -828,14 +829,18 @@ def parameter_layers(
 
     :raises ConfigurationError: with a line for each argument that is not what it must be.
     """
-    of_files, of_sensor, problems = dict[str, object](), dict[str, object](), Problems()
+    file_parameters, sensor_parameters, problems = (
+        dict[str, object](),
+        dict[str, object](),
+        Problems(),
+    )
     with problems.collect(hanging=""):
-        of_files = load_all(parameter_files(params_file), NODE)
+        file_parameters = load_all(parameter_files(params_file), NODE)
     with problems.collect():
-        of_sensor = imu_parameters(imu)
-    of_sensor.pop("rate", None)  # readings have one of their own
+        sensor_parameters = imu_parameters(imu)
+    sensor_parameters.pop("rate", None)  # readings have one of their own
     keywords, overrides = keyword_parameters(parameters)
-    layers = {**of_files, **of_sensor, **keywords}
+    layers = {**file_parameters, **sensor_parameters, **keywords}
     if input is not None:
         if not isinstance(input, Mapping):
             refuse("input", input, "parameters by name", wrong_type=True)

@@ -180,8 +180,8 @@ class BagErrors:
         sensors = {self._offered[name].name for name in names}
         self.model = GivenImu(parameters, sensors, remark)
         self._odometry = Differentiator(parameters) if source.type == ODOMETRY else None
-        of_imu = _ORIENTED if self.model.uses_orientation else _READING
-        self._fields = of_imu if self._odometry is None else _STATE
+        imu_fields = _ORIENTED if self.model.uses_orientation else _READING
+        self._fields = imu_fields if self._odometry is None else _STATE
         self._bad = BadRows(f"{bag.path}: {source.name}", "message")
         self._presence = TriadPresence(bag.path, source.name, skipped=None)
         self._seen = 0

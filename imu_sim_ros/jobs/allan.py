@@ -442,9 +442,9 @@ def _lines(
     yield f"{result.record}, stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
     for warning in result.warnings:
         yield f"note: {warning}"
-    by_axis = {(c.axis, c.key): c for c in comparisons}
+    comparison_by_axis = {(c.axis, c.key): c for c in comparisons}
     for triad in range(len(TRIADS)):
-        yield from _triad_tables(result, triad, by_axis)
+        yield from _triad_tables(result, triad, comparison_by_axis)
     if comparisons:
         covered = sum(c.covered for c in comparisons)
         yield f"{covered} of {len(comparisons)} intervals contain the truth"

@@ -455,8 +455,8 @@ def _lines(result: Campaign) -> Iterator[str | TextTable]:
         if status != "done":
             yield f"{count} runs {status}"
     for finding in result.judgement.findings[:_SHOWN]:
-        runs_of = f"{finding.runs} of {_run_count(groups, finding)} runs"
-        yield f"{finding.cell}; {finding.estimator}: {runs_of}: {finding.finding}"
+        share = f"{finding.runs} of {_run_count(groups, finding)} runs"
+        yield f"{finding.cell}; {finding.estimator}: {share}: {finding.finding}"
     yield (
         f"{result.folder}: {len(result.runs):,} runs, {result.new:,} of them new, in "
         f"{result.wall_s:.1f} s"
@@ -508,24 +508,18 @@ def _baseline_tables(judgement: Judgement) -> Iterator[TextTable]:
         yield TextTable(header, rows[:_SHOWN], title)
 
 
-def _slope_tables(
-    rows: Sequence[Row], judgement: Sequence[Group], metric: str
-) -> Iterator[TextTable]:
-    """Yield tables of how the metric changes with each parameter."""
-    grid = judgement[0].grid if judgement else ()
-    slopes_of = [
-        [
-            group.parameter,
-            group.estimator,
-            *_median_and_interval(slope),
-        ]
+def _slope_tables(rows: Sequence[Row], groups: Sequence[Group], metric: str) -> Iterator[TextTable]:
+    """Yield the table of the metric's sensitivity to each parameter, if any has one."""
+    grid = groups[0].grid if groups else ()
+    slope_rows = [
+        [group.parameter, group.estimator, *_median_and_interval(slope)]
         for group in slopes(rows, grid, metric)
         if (slope := group.sensitivity.slope)
     ]
-    if slopes_of:
+    if slope_rows:
         header = ["parameter", "estimator", "slope", "95 % interval"]
         title = f"Sensitivity: d log({metric}) / d log(parameter)"
-        yield TextTable(header, slopes_of, title)
+        yield TextTable(header, slope_rows, title)
 
 
 def _drop_constant_columns(

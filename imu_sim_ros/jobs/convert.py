@@ -208,8 +208,8 @@ def convert(
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
 
     >>> import imu_sim_ros as ims
-    >>> made = ims.generate(folder / "torn.mcap", duration=2, seed=1)
-    >>> ims.convert(made.output, folder / "whole.bag", compression="lz4")
+    >>> recording = ims.generate(folder / "torn.mcap", duration=2, seed=1)
+    >>> ims.convert(recording.output, folder / "whole.bag", compression="lz4")
     <Converted whole.bag: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     path = arguments.path("source", source)
@@ -755,8 +755,8 @@ def _text_to_bag(source: Path, output: _Output, journal: Journal, images: str | 
         frames = image_folder.streams(writer, renamed, images or "raw") if image_folder else []
 
         def read(name: str | None, counted: bool) -> Iterator[Readings]:
-            of_bad_rows = skipped if counted or skipped is None else bool
-            return output.readings(source, name, Handling(of_bad_rows))
+            count_skipped = skipped if counted or skipped is None else bool
+            return output.readings(source, name, Handling(count_skipped))
 
         streams.text_to_bag(
             source,

@@ -200,11 +200,11 @@ def plot_named_tracks(shown: Mapping[str, Track], title: str) -> Figure:
     }
     errors = {
         kind: {
-            name: ((d.t_ns - d.t_ns[0]) * 1e-9, np.linalg.norm(vectors_of(d), axis=1))
+            name: ((d.t_ns - d.t_ns[0]) * 1e-9, np.linalg.norm(error_vectors(d), axis=1))
             for name, d in drifts.items()
             if d is not None
         }
-        for kind, vectors_of in kinds.items()
+        for kind, error_vectors in kinds.items()
     }
     truth = next(iter(shown.values())).truth
     return pictures.trajectories(
@@ -450,9 +450,9 @@ def _world(readings: object, imu_topic: str | None, truth_topic: str | None) -> 
 
 def read_world(path: Path, imu_topic: str | None, truth_topic: str | None) -> KnownWorld:
     """Return the world of a file; the topics are those of :func:`read_recording`."""
-    with_truth = truth_topic is not None or tracks.has_truth(path)
-    topic = tracks.truth_topic(path, truth_topic) if with_truth else None
-    return worlds.read_world(path, imu_topic, topic, with_truth, has_topics(path))
+    has_truth = truth_topic is not None or tracks.has_truth(path)
+    topic = tracks.truth_topic(path, truth_topic) if has_truth else None
+    return worlds.read_world(path, imu_topic, topic, has_truth, has_topics(path))
 
 
 def _settings(**parameters: object) -> IntegratorParameters:

@@ -391,14 +391,14 @@ def evaluate(
     choice("align", align, ALIGNMENTS)
     boolean("time_offset", time_offset)
     folder = None if tracks is None else checked_path("tracks", tracks, "the path of a folder")
-    chosen = None if align == "none" else align
-    over = _deltas("rpe", rpe)
+    alignment = None if align == "none" else align
+    rpe_deltas = _deltas("rpe", rpe)
     skip = boolean("skip_bad_rows", skip_bad_rows)
     unfit = {
-        "align": chosen,
+        "align": alignment,
         "tracks": tracks,
         "time_offset": time_offset or None,
-        "rpe": [f"{length:g}{unit}" for length, unit in over] or None,
+        "rpe": [f"{length:g}{unit}" for length, unit in rpe_deltas] or None,
     }
     problems = Problems()
     table = None
@@ -442,7 +442,7 @@ def evaluate(
     if track_folder is not None:
         reprojection = _reprojection(track_folder, str(folder), trajectory_errors.estimate, true)
         trajectory_errors = replace(trajectory_errors, reprojection=reprojection)
-    return replace(trajectory_errors, rpe=over)
+    return replace(trajectory_errors, rpe=rpe_deltas)
 
 
 def _check_exchanged(estimate: object, truth: object, estimate_topic: str | None) -> None:
@@ -678,7 +678,7 @@ def _reprojection(
                 camera, interpolated.position, interpolated.q_wb, points, uv
             )
             distances.append(np.linalg.norm(errors[np.isfinite(errors[:, 0])], axis=1))
-        lengths, of_truth = distances
+        lengths, true_lengths = distances
         entry: Reprojection = {
             "camera": camera_name,
             "features": len(rows),
@@ -686,9 +686,9 @@ def _reprojection(
             "behind": len(rows) - len(lengths),
             "rms_px": _rms_per_axis(lengths),
             "median_px": _median(lengths),
-            "behind_of_truth": len(rows) - len(of_truth),
-            "rms_px_of_truth": _rms_per_axis(of_truth),
-            "median_px_of_truth": _median(of_truth),
+            "behind_of_truth": len(rows) - len(true_lengths),
+            "rms_px_of_truth": _rms_per_axis(true_lengths),
+            "median_px_of_truth": _median(true_lengths),
         }
         result.append(entry)
     if not any(entry["features"] for entry in result):

@@ -366,8 +366,8 @@ def _needed_sensors(
     :param dataset: format of the dataset; None: a bag.
     """
     topics = sensor_topics(sensors)
-    of_dataset = {name for name, mount in sensors.items() if dataset in mount.sensor.datasets}
-    return {POSE, *(topics[name].name for name in names)} | of_dataset
+    dataset_sensors = {name for name, mount in sensors.items() if dataset in mount.sensor.datasets}
+    return {POSE, *(topics[name].name for name in names)} | dataset_sensors
 
 
 def _pose_reader(motion: GivenMotion, skip_bad_rows: bool, journal: Journal) -> PoseReader:
@@ -461,9 +461,9 @@ def _write_samples(
             advance(max(lengths))
     for name, count in frame_counts.items():
         if not count:
-            own = sensors[name].parameters
-            assert isinstance(own, RatedParameters)
-            journal.warn(f"{name}: not a single frame in the whole run, at {own.rate:g} Hz")
+            parameters = sensors[name].parameters
+            assert isinstance(parameters, RatedParameters)
+            journal.warn(f"{name}: not a single frame in the whole run, at {parameters.rate:g} Hz")
     return target.counts, samples
 
 
@@ -492,9 +492,9 @@ def run_parameters(
 
     The other arguments are those of :func:`generate`.
     """
-    in_files, in_scene = dict[str, object](), dict[str, object]()
+    file_values, scene_values = dict[str, object](), dict[str, object]()
     with problems.collect(hanging=""):
-        in_files = load_all(parameter_files(params_file), "simulator")
+        file_values = load_all(parameter_files(params_file), "simulator")
     layers, overrides, motion = argument_layers(
         imu, trajectory, duration, rate, seed, parameters, problems
     )
@@ -510,12 +510,12 @@ def run_parameters(
 
         with problems.collect(hanging="scene."):
             file = arguments.path("scene", scene, "a name or the path of a file")
-            in_scene = scene_layer(str(file))
+            scene_values = scene_layer(str(file))
     if _has_segments(segments):
-        motion_file = layers.get("trajectory.file", in_files.get("trajectory.file"))
+        motion_file = layers.get("trajectory.file", file_values.get("trajectory.file"))
         with problems.collect():
             layers = _on_segments(segments, motion_file) | layers
-    values = {**in_files, **in_scene, **layers}
+    values = {**file_values, **scene_values, **layers}
     for kind in ("camera", *switchable_sensors()):
         option = "cameras" if kind == "camera" else kind
         value, presets = cameras if kind == "camera" else values.pop(kind, ()), list[object]()
@@ -530,10 +530,12 @@ def run_parameters(
         if presets:
             values = join_layers(values, name_sensors(kind, presets))
     values |= overrides
-    of_node = dict.fromkeys(name.partition("./")[0] for name in live_parameter_names(values))
-    if of_node:
-        journal.note(f"no effect in a file: {', '.join(of_node)}")
-    overridden = [name for name in in_files if name.startswith("imu.") and name != "imu.preset"]
+    node_parameters = dict.fromkeys(
+        name.partition("./")[0] for name in live_parameter_names(values)
+    )
+    if node_parameters:
+        journal.note(f"no effect in a file: {', '.join(node_parameters)}")
+    overridden = [name for name in file_values if name.startswith("imu.") and name != "imu.preset"]
     if isinstance(imu, str | Path) and overridden:
         further = f" and {len(overridden) - 3} more" if len(overridden) > 3 else ""
         journal.note(

@@ -23,7 +23,7 @@ from imu_sim_ros.bags.feature_tracks import feature_tracks
 from imu_sim_ros.bags.messages.encode import IMU, PATH, TEMPERATURE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.pose_topics import POSE_TYPES
-from imu_sim_ros.bags.read import MixedFramesError, open_bag, read_temperature
+from imu_sim_ros.bags.read import Bag, MixedFramesError, open_bag, read_temperature
 from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, suggest_keywords
@@ -527,9 +527,9 @@ def inspect(
     <Inspection: 1 IMUs, 0 trajectories; accelerometer_g>
     """
     sources = list(inputs) if isinstance(inputs, list | tuple) else [inputs]
-    of_a_file = any(isinstance(source, str | PathLike) for source in sources)
+    has_file = any(isinstance(source, str | PathLike) for source in sources)
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
-    choice = check_choice(None, *selection, of_a_file=of_a_file)
+    choice = check_choice(None, *selection, of_a_file=has_file)
     topic = arguments.topic("topic", topic)
     skip = arguments.boolean("skip_bad_rows", skip_bad_rows)
     problems = Problems()
@@ -704,10 +704,7 @@ def _read(
     with open_bag(path) as bag:
         infos = list(bag.topics)
         topic_info = None if topic is None else bag.find(topic)
-        cameras = list(camera_records(bag, name, image_size))
-        clouds = list(cloud_records(bag, name))
-        tracks_of_features = list(feature_tracks(bag, name))
-        clippings = [replace(counts, source=f"{name}, {counts.source}") for counts in bag.clippings]
+        other_records = _other_records(bag, name)
     topics += [TopicContents(name, info.name, info.type, info.count) for info in infos]
     imus = door.imu_choices(path, choice)
     tracks = [info.name for info in infos if info.type in _POSE_TYPES and info.count]
@@ -718,39 +715,70 @@ def _read(
         tracks = [track for track in tracks if track == named_topic]
         if not imus and not tracks:
             raise InputError(f"{path}: {topic}: no such topic of {IMU} or of poses")
-    problems, empty = Problems(), 0
-    for imu in imus:
-        with problems.collect():
-            label = imu.topic or f"{imu.gyro_topic}, {imu.accel_topic}"
-            has_readings = yield from _read_frames(path, imu, f"{name}, {label}", skip)
-            empty += not has_readings
-    if choice.frame is not None and empty == len(imus):
-        with problems.collect():
-            raise InputError(f"{path}: contains no readings of the frame {choice.frame}")
+    problems = Problems()
+    yield from _read_imus(path, imus, choice.frame, skip, problems)
     for track in tracks:
         with problems.collect():
-            handling = Handling(tell_skipped(path) if skip else None)
             try:
-                yield replace_fields(
-                    door.format_of(path).states(path, track, False, handling),
-                    source=f"{name}, {track}",
-                )
+                yield _read_poses(path, track, skip)
             except InputError:
                 if topic is None and track in paths:  # a path of fewer than two poses
                     continue
                 raise
-    for info in infos if topic is None else ():
-        if info.type == TEMPERATURE and info.count:
-            with problems.collect():
-                skipped = tell_skipped(path) if skip else None
-                degrees = read_temperature(path, info.name, skipped).temperature
-                yield TemperatureRecord(f"{name}, {info.name}", degrees)
     if topic is None:
-        yield from clippings
-        yield from cameras
-        yield from clouds
-        yield from tracks_of_features
+        temperatures = [info.name for info in infos if info.type == TEMPERATURE and info.count]
+        yield from _read_temperatures(path, temperatures, skip, problems)
+        yield from other_records
     problems.tell()
+
+
+def _other_records(bag: Bag, name: str) -> list[Record]:
+    """Return the records of a bag that are neither readings nor poses nor temperatures.
+
+    :param name: name of the bag, for the sources of the records.
+    """
+    cameras = list(camera_records(bag, name, image_size))
+    clouds = list(cloud_records(bag, name))
+    tracks = list(feature_tracks(bag, name))
+    clippings = [replace(counts, source=f"{name}, {counts.source}") for counts in bag.clippings]
+    return [*clippings, *cameras, *clouds, *tracks]
+
+
+def _read_imus(
+    path: Path, imus: Sequence[Choice], frame: str | None, skip: bool, problems: Problems
+) -> Iterator[Record]:
+    """Yield the readings of each IMU of a bag; what cannot be read becomes a problem.
+
+    :param imus: topics of each IMU: one, or one for each triad.
+    :param frame: frame that at least one of the IMUs must have; None: any.
+    """
+    empty_count = 0
+    for imu in imus:
+        with problems.collect():
+            label = imu.topic or f"{imu.gyro_topic}, {imu.accel_topic}"
+            has_readings = yield from _read_frames(path, imu, f"{name_of(path)}, {label}", skip)
+            empty_count += not has_readings
+    if frame is not None and empty_count == len(imus):
+        with problems.collect():
+            raise InputError(f"{path}: contains no readings of the frame {frame}")
+
+
+def _read_poses(path: Path, topic: str, skip: bool) -> States:
+    """Return the poses of a topic in the order of the bag."""
+    handling = Handling(tell_skipped(path) if skip else None)
+    states = door.format_of(path).states(path, topic, False, handling)
+    return replace_fields(states, source=f"{name_of(path)}, {topic}")
+
+
+def _read_temperatures(
+    path: Path, topics: Sequence[str], skip: bool, problems: Problems
+) -> Iterator[TemperatureRecord]:
+    """Yield the temperatures of each topic; what cannot be read becomes a problem."""
+    for topic in topics:
+        with problems.collect():
+            skipped = tell_skipped(path) if skip else None
+            degrees = read_temperature(path, topic, skipped).temperature
+            yield TemperatureRecord(f"{name_of(path)}, {topic}", degrees)
 
 
 def _read_frames(

@@ -191,17 +191,19 @@ def _readings(
     t_ns = measured.t_ns[rows]
     errors = measured.values[rows] - interpolate_vectors(ideal.t_ns, ideal.values, t_ns)
     with open_bag(path) as bag:
-        biased = any(info.name.lstrip("/") == truths.bias.lstrip("/") for info in bag.topics)
-    without_bias = consistency = None
+        has_bias_topic = any(
+            info.name.lstrip("/") == truths.bias.lstrip("/") for info in bag.topics
+        )
+    errors_without_bias = consistency = None
     why: str | None = f"the covariance is that of white noise, and there is no {truths.bias}"
-    if biased:
+    if has_bias_topic:
         bias_t_ns, bias = sensor_tables.read_bias(path, table, truths.bias)
-        without_bias = errors - interpolate_vectors(bias_t_ns, bias, t_ns)
-        consistency, why = nees_of_errors(without_bias, measured.covariance[rows])
+        errors_without_bias = errors - interpolate_vectors(bias_t_ns, bias, t_ns)
+        consistency, why = nees_of_errors(errors_without_bias, measured.covariance[rows])
     left_out = len(measured.t_ns) - len(rows)
     covered = coverage(measured.t_ns, ideal.t_ns, max_gap)
     what, nees = (table.name, table.quantity.unit), (consistency, why)
-    return ReadingsEvaluation(*what, t_ns, errors, without_bias, left_out, covered, *nees)
+    return ReadingsEvaluation(*what, t_ns, errors, errors_without_bias, left_out, covered, *nees)
 
 
 def _moments(errors: Array) -> dict[str, list[float]]:

@@ -35,7 +35,7 @@ def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
     :raises MissingDependencyError: without OpenCV, for compressed images.
 
     >>> import imu_sim_ros as ims
-    >>> made = ims.generate(folder / "seen.mcap", duration=0.2, cameras="euroc_cam0")
+    >>> _ = ims.generate(folder / "seen.mcap", duration=0.2, cameras="euroc_cam0")
     >>> [image.shape for _, image in ims.read_images(folder / "seen.mcap")]
     [(480, 752), (480, 752), (480, 752), (480, 752)]
     """

@@ -27,8 +27,8 @@ def segment_layer(segments: object, file: object) -> tuple[dict[str, object], di
     :raises ConfigurationError: for anything else, no segments, and names that are alike.
     :raises InputError: for a file that cannot be read.
     """
-    of_imus: Mapping[object, object] = segments if isinstance(segments, Mapping) else {}
-    names = arguments.string_list("segments", [*of_imus] if of_imus else segments)
+    imu_parameters: Mapping[object, object] = segments if isinstance(segments, Mapping) else {}
+    names = arguments.string_list("segments", [*imu_parameters] if imu_parameters else segments)
     if names == (ALL,):
         if not isinstance(file, str) or not file:
             raise ConfigurationError(
@@ -45,8 +45,8 @@ def segment_layer(segments: object, file: object) -> tuple[dict[str, object], di
             )
         imus[imu] = name
         layer[f"{imu}.segment"] = name
-        if of_imus.get(name):
-            parameters = files.dotted_values(of_imus[name], f"segments.{name}")
+        if imu_parameters.get(name):
+            parameters = files.dotted_values(imu_parameters[name], f"segments.{name}")
             layer |= {f"{imu}.imu.{key}": value for key, value in parameters.items()}
     if not imus:
         raise ConfigurationError(

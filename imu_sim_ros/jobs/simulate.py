@@ -267,21 +267,23 @@ def _body(
             segment_values, imu_names = segment_layer(segments, file)
     layers = {**file_values, **segment_values, **values}
     with collect_pose_problems(layers, motion, segments is not None):
-        built = load_simulation(layers, problems=problems)
+        settings = load_simulation(layers, problems=problems)
     for listing, names, supported in (
-        ("imus", () if imu_names else built.imus, "one IMU"),
-        ("cameras", built.cameras, "no cameras: see camera.images"),
+        ("imus", () if imu_names else settings.imus, "one IMU"),
+        ("cameras", settings.cameras, "no cameras: see camera.images"),
     ):
         if names:
             raise ConfigurationError(
                 f"{listing} = {list(names)}: simulate() and blocks() have {supported}"
             )
-    moving = None
+    body_trajectory = None
     if not imu_names:
-        moving = build_trajectory(built.trajectory, motion.pose_reader, motion.trajectory)
-    of_imus = {f"{name}/{sensor}" for name in imu_names for sensor in (*sensor_names, POSE)}
-    body_sensors = {*built.each_sensor, POSE} | (of_imus or sensor_names)
-    body = Body(built, motion.pose_reader, trajectory=moving, sensors=body_sensors)
+        body_trajectory = build_trajectory(
+            settings.trajectory, motion.pose_reader, motion.trajectory
+        )
+    segment_sensors = {f"{name}/{sensor}" for name in imu_names for sensor in (*sensor_names, POSE)}
+    body_sensors = {*settings.each_sensor, POSE} | (segment_sensors or sensor_names)
+    body = Body(settings, motion.pose_reader, trajectory=body_trajectory, sensors=body_sensors)
     if body.total is None:
         raise ConfigurationError(
             f"{argument_prefix('duration')}: this trajectory has no end; give one, "
@@ -375,13 +377,15 @@ def _parameters_of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     A parameter file of the node simulator is accepted, too.
     """
     values = presets.load(path)
-    of_node = live_parameter_names(values)
+    node_parameters = live_parameter_names(values)
     declared = {**OF_EVERY_NODE, **described(SimulatorParameters)}
-    problems = bad_value_lines(declared, {name: values[name] for name in of_node}).values()
+    problems = bad_value_lines(declared, {name: values[name] for name in node_parameters}).values()
     if problems:
         raise ConfigurationError([f"{path}: {line}" for line in problems])
     unset = [name for name in ("imus", "cameras") if values.get(name) in ((), [], EMPTY_LIST)]
-    simulation_values = {n: value for n, value in values.items() if n not in (*of_node, *unset)}
+    simulation_values = {
+        n: value for n, value in values.items() if n not in (*node_parameters, *unset)
+    }
     published = (sensor.quantity for sensor in sensors_of_imus())
     return simulation_values, frozenset(
         name for name in published if values.get(f"publish.{name}") is True

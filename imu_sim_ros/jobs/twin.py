@@ -116,23 +116,26 @@ class Trust(NamedTuple):
 
 
 def judge_fit(fit: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
-    """Return the trustworthy part of a fit.
+    """Return a fit with enlarged standard errors, and which of its 42 numbers can be trusted.
 
-    :param disagreement: (42,) between fits to parts of the recording, in standard errors.
+    Standard errors grow to the disagreement of the quarters, and by the shifts that rounded poses
+    cause. A number that the noise of the poses shifts too far is not reported.
+
+    :param disagreement: (42,) RMS between the quarters of the recording [standard errors].
     """
-    sigma = fit.sigma
     disagree = disagreement > _DISAGREE
-    larger = np.where(disagree, disagreement, 1.0)
-    widened = np.sqrt(larger**2 + fit.noise_shift**2) if noise.is_rounding else larger
-    wider = fit._replace(covariance=fit.covariance * np.outer(widened, widened))
+    factors = np.where(disagree, disagreement, 1.0)
+    error_factors = np.sqrt(factors**2 + fit.noise_shift**2) if noise.is_rounding else factors
+    covariance = fit.covariance * np.outer(error_factors, error_factors)
+    enlarged = fit._replace(covariance=covariance)
     reported = fit.noise_shift <= (_SAID if noise.is_rounding else _NOT_GIVEN)
-    weak = sigma > _UNDETERMINED * PRIOR
+    weak = fit.sigma > _UNDETERMINED * PRIOR  # the data hardly narrow the prior
     undetermined = tuple(
         NAMES[k] for k in range(model.GYROSCOPE.start, model.BIAS.start) if weak[k]
     )
-    warnings = [*_noise_lines(fit, reported, noise), *_quarter_lines(disagree, larger)]
-    warnings += _contradictions(wider)
-    return Trust(wider, reported, undetermined, tuple(warnings))
+    warnings = [*_noise_lines(fit, reported, noise), *_quarter_lines(disagree, factors)]
+    warnings += _contradictions(enlarged)
+    return Trust(enlarged, reported, undetermined, tuple(warnings))
 
 
 def _noise_lines(fit: Fit, reported: Mask, noise: PoseNoise) -> Iterator[str]:
@@ -413,23 +416,23 @@ def _build_twin(source: TwinRecording, fit: float | None) -> Twin:
 
     :param fit: length of the part that is fitted [s]; the remainder is compared. None: all.
     """
-    whole = source.recording
-    used, held_out = whole, None
+    recording = source.recording
+    fitting_part, held_out = recording, None
     if fit is not None:
-        used, held_out = _split_at(whole, fit, source.name)
-    fitted = constant_errors(used, source.sharp_truth, perfect(source.r_ib, source.offset))
-    _check_likeness(source, used, fitted)
+        fitting_part, held_out = _split_at(recording, fit, source.name)
+    fitted = constant_errors(fitting_part, source.sharp_truth, perfect(source.r_ib, source.offset))
+    _check_likeness(source, fitting_part, fitted)
     check_settled(source, fitted)
-    validation = cross_validate(used, source.sharp_truth, fitted)
+    validation = cross_validate(fitting_part, source.sharp_truth, fitted)
     trust = judge_fit(fitted, validation.disagreement, source.noise)
     # Above the cut-off, motion counts as vibration.
-    fast = fast_part(used, source.sharp_truth, source.truth, fitted)
-    with_vibration = trust.fit._replace(residuals=fitted.residuals + fast)
-    analysis = _analyse_residuals(source, used, with_vibration, validation.residuals + fast)
-    step = _steps(whole.readings)
-    white = spectrum.remove_rounding(analysis.white, step, whole.rate)
+    fast = fast_part(fitting_part, source.sharp_truth, source.truth, fitted)
+    vibration_fit = trust.fit._replace(residuals=fitted.residuals + fast)
+    analysis = _analyse_residuals(source, fitting_part, vibration_fit, validation.residuals + fast)
+    step = _steps(recording.readings)
+    white = spectrum.remove_rounding(analysis.white, step, recording.rate)
     analysis = analysis._replace(white=white)
-    parameters = simulator_parameters(analysis, whole.rate, step)
+    parameters = simulator_parameters(analysis, recording.rate, step)
     if source.gravity != -GRAVITY[2]:
         parameters["gravity"] = (0.0, 0.0, -source.gravity)
     checked = None if held_out is None else check(source, held_out, analysis, parameters)

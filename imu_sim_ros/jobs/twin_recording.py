@@ -47,8 +47,10 @@ _SHORTEST: Final = 10.0
 """Shortest readings with a truth [s]."""
 _TURNING: Final = 0.02
 """RMS rate below which a motion determines nothing [rad/s]."""
-_STILL: Final = (0.05, 0.03)
-"""Rate and speed above which a body is in motion [rad/s], [m/s]."""
+_STILL_RATE: Final = 0.05
+"""Angular rate above which a body is in motion [rad/s]."""
+_STILL_SPEED: Final = 0.03
+"""Speed above which a body is in motion [m/s]."""
 _FILLED: Final = 10
 """Samples of the longest loss that is filled by a straight line."""
 _PIECE: Final = 512
@@ -156,9 +158,9 @@ def body_motion(motion: Motion, gravity: float) -> BodyMotion:
 
 
 def rows_in_motion(motion: Motion) -> Mask:
-    """Return which rows (n,) of a motion are no rest."""
+    """Return True (n,) for the times at which a body moves or turns."""
     rate, speed = (np.linalg.norm(v, axis=1) for v in (motion.angular_velocity, motion.velocity))
-    return (rate > _STILL[0]) | (speed > _STILL[1])
+    return (rate > _STILL_RATE) | (speed > _STILL_SPEED)
 
 
 def spline_recording(

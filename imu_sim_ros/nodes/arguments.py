@@ -47,22 +47,23 @@ def ros_arguments(arguments: Sequence[str], section: type, folder: Path) -> list
     problems += [f"{argument!r}: not UTF-8" for argument in arguments if not _is_text(argument)]
     problems.tell()
     program_arguments, ros = _split(arguments)
-    plain = _plain(program_arguments, section, problems)
-    result = ["--ros-args"]
+    overrides = _ros_parameters(program_arguments, section, problems)
+    checked_arguments = ["--ros-args"]
     position = 0
     while position < len(ros):
         flag = ros[position]
         if flag in ("--params-file", "-p", "--param"):
             value = ros[position + 1] if position + 1 < len(ros) else ""
-            convert = _file if flag == "--params-file" else _rule
+            is_file = flag == "--params-file"
             with problems.collect():
-                result += [flag, convert(value, folder)]
+                checked = _readable_parameter_file(value, folder) if is_file else _check_rule(value)
+                checked_arguments += [flag, checked]
             position += 2
         else:
-            result.append(flag)
+            checked_arguments.append(flag)
             position += 1
     problems.tell()
-    return [*result, *plain]  # the last one wins: a plain argument overrides every file
+    return [*checked_arguments, *overrides]  # rcl takes the last value: these override every file
 
 
 def _is_text(argument: str) -> bool:
@@ -88,10 +89,15 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     return program_arguments, ros
 
 
-def _plain(program_arguments: Sequence[str], section: type, problems: Problems) -> list[str]:
-    """Turn ``--rate 400`` and ``--rate=400`` into ROS's ``-p rate:=400``."""
+def _ros_parameters(
+    program_arguments: Sequence[str], section: type, problems: Problems
+) -> list[str]:
+    """Return ROS's ``-p rate:=400`` for each ``--rate 400`` or ``--rate=400``.
+
+    :param problems: receives a line for each argument that is none.
+    """
     declarations = parameters(section)
-    result: list[str] = []
+    ros_arguments: list[str] = []
     rest = iter(program_arguments)
     for word in rest:
         if word in _OF_ROS:
@@ -115,12 +121,16 @@ def _plain(program_arguments: Sequence[str], section: type, problems: Problems) 
         kind = declarations[name].kind if name in declarations else ""
         quoted = kind in ("text", "choice")
         with problems.collect():
-            result += ["-p", f'{name}:="{value}"' if quoted else _rule(f"{name}:={value}", Path())]
-    return result
+            rule = f'{name}:="{value}"' if quoted else _check_rule(f"{name}:={value}")
+            ros_arguments += ["-p", rule]
+    return ros_arguments
 
 
-def _rule(rule: str, _: Path) -> str:
-    """Return the parameter rule ``name:=value`` of ``-p``, its value checked."""
+def _check_rule(rule: str) -> str:
+    """Return the parameter rule ``name:=value`` of ``-p``, lists of numbers as floats.
+
+    :raises ConfigurationError: for a rule of another form, and lists of mixed types.
+    """
     match = _RULE.fullmatch(rule)
     if match is None or not match["value"].strip():
         raise ConfigurationError(f"-p {rule}: must be name:=value")
@@ -141,8 +151,12 @@ def _rule(rule: str, _: Path) -> str:
     return f"{match['name']}:={quoted}"
 
 
-def _file(name: str, folder: Path) -> str:
-    """Return the file, or a copy in a form that rcl can read."""
+def _readable_parameter_file(name: str, folder: Path) -> str:
+    """Return the parameter file, or the path of a copy in a form that rcl can read.
+
+    :param folder: folder for the copy.
+    :raises ConfigurationError: for a file that is missing or no parameter file.
+    """
     if not name:
         raise ConfigurationError("--params-file: a file is missing")
     path = Path(name)

@@ -216,7 +216,9 @@ class Control:
         while not condition():
             self._executor.spin_once(timeout_sec=_TURN)
             if time.monotonic() > end:
-                raise MachineError(f"{self._name} {what} after {patience:g} s{self._others()}")
+                raise MachineError(
+                    f"{self._name} {what} after {patience:g} s{self._other_simulators()}"
+                )
 
     def _spin(self, seconds: float) -> None:
         """Process messages for some seconds."""
@@ -224,8 +226,11 @@ class Control:
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=_TURN)
 
-    def _others(self) -> str:
-        """Return the names of the running simulators: the nodes with a service ``~/step``."""
+    def _other_simulators(self) -> str:
+        """Return the end of a message that names the other running simulators; empty: none runs.
+
+        A simulator is a node with a service ``~/step``.
+        """
         services = (name for name, _ in self._node.get_service_names_and_types())
         nodes = sorted(name.removesuffix("/step") for name in services if name.endswith("/step"))
         alternatives = [name for name in nodes if name != self._name]

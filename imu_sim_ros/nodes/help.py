@@ -225,9 +225,9 @@ def _parameters(name: str) -> dict[str, Parameter]:
     declarations = dict(parameters(PROGRAMS[name].section()))
     if name == "simulator":
         for sensor in all_sensors()[0]:
-            of_sensor = parameters(sensor.section)
+            sensor_parameters = parameters(sensor.section)
             declarations |= {
-                f"{sensor.name}.{key}": parameter for key, parameter in of_sensor.items()
+                f"{sensor.name}.{key}": parameter for key, parameter in sensor_parameters.items()
             }
     return declarations
 

@@ -46,7 +46,7 @@ _Section = TypeVar("_Section")
 _seeded: "WeakSet[ConfiguredNode[Any]]" = WeakSet()
 """The nodes of this process that have a seed."""
 
-_TYPES_OF_ROS = frozenset(type_of_ros.value for type_of_ros in RosParameter.Type)
+_TYPES_OF_ROS = frozenset(parameter_type.value for parameter_type in RosParameter.Type)
 
 
 class ConfiguredNode(Node, Generic[_Section]):
@@ -78,12 +78,12 @@ class ConfiguredNode(Node, Generic[_Section]):
         self.section = section
         if "seed" in parameters(self.section):  # no two nodes of a graph have the same noise
             overrides.setdefault("seed", seed_of_node(self.get_fully_qualified_name()))
-        for name_of_other in parameters_of_other_nodes(
+        for other_name in parameters_of_other_nodes(
             self.section, overrides
         ):  # -p seed:=3 is given to all of a process
-            del overrides[name_of_other]
+            del overrides[other_name]
             self.get_logger().warning(
-                f"{name_of_other}: is a parameter of another node; no effect here"
+                f"{other_name}: is a parameter of another node; no effect here"
             )
         self.changed: frozenset[str] = frozenset()
         self.lifetime = Lifetime(self)

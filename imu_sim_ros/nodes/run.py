@@ -74,10 +74,12 @@ def parse_debug_option(arguments: Sequence[str]) -> tuple[list[str], bool]:
 
     ROS's own ``--log-level debug`` (or ``NODE:=debug``) requests it as well, and stays.
     """
-    rest = [argument for argument in arguments if argument != "--debug"]
-    levels = [value for flag, value in itertools.pairwise(rest) if flag == "--log-level"]
-    of_ros = any(level.lower().rpartition(":=")[2] == "debug" for level in levels)
-    return rest, of_ros or len(rest) < len(arguments)
+    remaining_arguments = [argument for argument in arguments if argument != "--debug"]
+    levels = [
+        value for flag, value in itertools.pairwise(remaining_arguments) if flag == "--log-level"
+    ]
+    is_ros_debug = any(level.lower().rpartition(":=")[2] == "debug" for level in levels)
+    return remaining_arguments, is_ros_debug or len(remaining_arguments) < len(arguments)
 
 
 def report(name: str, error: BaseException, debug: bool) -> None:

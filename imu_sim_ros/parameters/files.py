@@ -197,9 +197,9 @@ def _sections(
 
 
 def resolve_path(name: str, value: object, path: Path) -> object:
-    """Return a value of a parameter file; the relative path of a file that is there becomes whole.
+    """Return a value of a parameter file, with the path of a file next to it made absolute.
 
-    Any other relative path is that from the working directory.
+    Any other relative path is that from the working directory; other values stay as they are.
 
     :param name: name of the parameter, or its last word.
     :param path: path of the parameter file.

@@ -149,8 +149,8 @@ class FlightView:
         rr = self._rr
         if frame is not None:
             parent, pose = frame
-            of_frame = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
-            self._recording.log(f"{WORLD_FRAME}/{parent}", of_frame, static=True)
+            frame_transform = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
+            self._recording.log(f"{WORLD_FRAME}/{parent}", frame_transform, static=True)
             name = f"{WORLD_FRAME}/{parent}/{name}"
         for t_ns, points in scans:
             self._recording.set_time(_TIME, timestamp=np.datetime64(t_ns, "ns"))

@@ -42,13 +42,13 @@ def trajectories(
     :param attitude_errors: angles [rad] by name.
     :param title: contents and source of the picture.
     """
-    with_errors = bool(position_errors)
-    rows = 2 if with_errors else 1
+    has_errors = bool(position_errors)
+    rows = 2 if has_errors else 1
     figure, axes = style.panels(rows + 1, 2, 9.0, 3.1 * rows + 0.8)
     looks = _looks(list(paths))
     for axis, (across, up) in zip(axes[:2], ((0, 1), (0, 2)), strict=True):
         _view(axis, paths, truth, looks, across, up)
-    if with_errors:
+    if has_errors:
         _errors(axes[2], position_errors, looks, "position error [m]", 1.0)
         _errors(axes[3], attitude_errors, looks, "attitude error [deg]", 180.0 / np.pi)
     finals = {name: f"{name}: {error[-1]:.3g} m" for name, (_, error) in position_errors.items()}

@@ -86,7 +86,7 @@ def panels(
 def log_values(axes: Axes) -> None:
     """Make a panel's values logarithmic; below two decades the numbers are plain: 0.5, 1, 2."""
     axes.set_yscale("log")
-    of_powers = axes.yaxis.get_major_formatter()
+    power_formatter = axes.yaxis.get_major_formatter()
 
     def label(value: float, position: float) -> str:
         low, high = axes.yaxis.get_view_interval()
@@ -94,7 +94,7 @@ def log_values(axes: Axes) -> None:
         if high < 100.0 * low:
             digit = round(value / 10.0 ** np.floor(np.log10(value) + 1e-9))
             return f"{value:g}" if digit in (1, 2, 5) else ""
-        return of_powers(value, int(position or 0)) if is_power else ""
+        return power_formatter(value, int(position or 0)) if is_power else ""
 
     axes.yaxis.set_major_formatter(label)
     axes.yaxis.set_minor_formatter(label)

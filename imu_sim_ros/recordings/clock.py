@@ -657,14 +657,14 @@ class Clock:
 
         :param missing: (n,) readings missing before each stamp.
         """
-        from_start = (np.arange(len(t_ns)) + np.cumsum(missing)) * self.interval_ns
+        times_since_start = (np.arange(len(t_ns)) + np.cumsum(missing)) * self.interval_ns
         heads = self.pattern.heads(t_ns)
-        late = (t_ns - t_ns[0])[heads] - from_start[heads]
+        late = (t_ns - t_ns[0])[heads] - times_since_start[heads]
         size = min(_SMOOTHED, len(late))
         padded = np.pad(late, (size // 2, size - 1 - size // 2), mode="reflect")
         sums = np.cumsum(np.insert(padded, 0, 0.0))
         smooth = (sums[size:] - sums[:-size]) / size
-        even = from_start + np.interp(np.arange(len(t_ns)), heads, smooth)
+        even = times_since_start + np.interp(np.arange(len(t_ns)), heads, smooth)
         times: Times = t_ns[0] + np.rint(even).astype(np.int64)
         return times
 

@@ -233,21 +233,26 @@ class Gaps:
         del self._recent_ns[:-_LARGEST_BUNCH]
 
     def _split(self, t_ns: Times) -> Iterator[tuple[slice | None, int, int]]:
-        """Yield the parts that :meth:`parts` returns."""
-        recent_count, next_ns = len(self._recent_ns), t_ns
+        """Yield rows between long steps, the readings missing before them, and the pause [ns].
+
+        :param t_ns: (n,) the next stamps, which increase [ns]; rows count from their start. None
+            for all rows.
+        """
+        recent_count, count = len(self._recent_ns), len(t_ns)
         t_ns = np.concatenate([np.array(self._recent_ns, np.int64), t_ns])
-        since = max(recent_count, 1)
-        long = t_ns[since:] - t_ns[since - 1 : -1] > self._without_gap_ns
-        begin = missing = pause = start = 0
-        for k in (np.flatnonzero(long) + since).tolist() if long.any() else ():
+        first_step = max(recent_count, 1)  # the first stamp of all has no step before it
+        is_long = t_ns[first_step:] - t_ns[first_step - 1 : -1] > self._without_gap_ns
+        # ``begin``: first row of the part; ``gap_end``: index of the reading after the last gap.
+        begin = missing = pause = gap_end = 0
+        for k in (np.flatnonzero(is_long) + first_step).tolist() if is_long.any() else ():
             if k > recent_count:
                 yield slice(begin, k - recent_count), missing, pause
             begin = k - recent_count
-            missing, pause = self._gap(t_ns[start : k + 1])
+            missing, pause = self._gap(t_ns[gap_end : k + 1])
             if missing or pause:
-                start = k
-        self._recent_ns = t_ns[max(start, len(t_ns) - _LARGEST_BUNCH) :].tolist()
-        yield (slice(begin, len(next_ns)) if begin else None), missing, pause
+                gap_end = k
+        self._recent_ns = t_ns[max(gap_end, len(t_ns) - _LARGEST_BUNCH) :].tolist()
+        yield (slice(begin, count) if begin else None), missing, pause
 
     def _gap(self, t_ns: Times) -> tuple[int, int]:
         """Return how many readings the last step leaves out, or its length if it is a pause."""

@@ -208,31 +208,48 @@ def _explain_disturbance(
 
 
 def _step(t: Array, poses: States, usual: Array, window: Integers, row: int) -> Jump:
-    """Return the jump ahead of a row that leaves least of a polynomial on both sides."""
-    values, columns = _scale(t, poses, usual, window)
-    _, solution = _fit_distance(np.column_stack([columns, window >= row]), values, window >= 0)
-    change = solution[-1] * np.repeat(np.median(usual[window], axis=0), 3)
+    """Return the jump ahead of a row: the step of a polynomial with a step there.
+
+    :param usual: (n, 2) usual deviations of position [m] and attitude [rad].
+    :param window: (k,) rows around the jump.
+    """
+    values, powers = _scale(t, poses, usual, window)
+    columns = np.column_stack([powers, window >= row])
+    _, coefficients = _fit_distance(columns, values, window >= 0)
+    change = coefficients[-1] * np.repeat(np.median(usual[window], axis=0), 3)
     return Jump(row, change[:3], rotation.rotate(poses.q_wb[window[0]], change[3:]))
 
 
 def _scale(t: Array, poses: States, usual: Array, window: Integers) -> tuple[Array, Array]:
-    """Return position and attitude (k, 6) in usual deviations, and a polynomial's columns."""
+    """Return the motion (k, 6) since the window's start in usual deviations, and powers of time.
+
+    :param usual: (n, 2) usual deviations of position [m] and attitude [rad].
+    :param window: (k,) rows.
+    :returns: positions and rotation vectors (k, 6), and the columns (k, m) of a polynomial in the
+        time, which goes from -1 to 1.
+    """
     times = t[window]
-    since = 2.0 * (times - times[0]) / (times[-1] - times[0]) - 1.0
+    scaled_times = 2.0 * (times - times[0]) / (times[-1] - times[0]) - 1.0
     start = rotation.conjugate(poses.q_wb[window[0]])
     turns = rotation.log(rotation.multiply(start, poses.q_wb[window]))
     scale = np.repeat(np.median(usual[window], axis=0), 3)
-    moved = poses.position[window] - poses.position[window[0]]
-    return np.column_stack([moved, turns]) / scale, since[:, None] ** _DEGREES
+    shifts = poses.position[window] - poses.position[window[0]]
+    return np.column_stack([shifts, turns]) / scale, scaled_times[:, None] ** _DEGREES
 
 
 def _fit_distance(columns: Array, values: Array, keep: Mask) -> tuple[float, Array]:
-    """Return the largest distance from the fit to the rows that are kept, and the coefficients."""
+    """Return the largest residual of a least-squares fit, and its coefficients (m, 6).
+
+    :param columns: (k, m) functions of time that are fitted.
+    :param values: (k, 6) positions and rotation vectors in usual deviations.
+    :param keep: (k,) True for the rows that take part.
+    """
     rows = columns[keep]
-    solution = np.asarray(np.linalg.lstsq(rows, values[keep], rcond=None)[0], dtype=np.float64)
-    over = rows @ solution - values[keep]
-    lengths = np.linalg.norm(over.reshape(-1, 2, 3), axis=-1)
-    return float(np.max(lengths)), solution
+    coefficients = np.asarray(np.linalg.lstsq(rows, values[keep], rcond=None)[0], dtype=np.float64)
+    residual = rows @ coefficients - values[keep]
+    # Positions and rotation vectors apart: the lengths of two vectors for each row.
+    lengths = np.linalg.norm(residual.reshape(-1, 2, 3), axis=-1)
+    return float(np.max(lengths)), coefficients
 
 
 def _join_all(poses: States, rows: Integers, t: Array, usual: Array, jump: Jump) -> States:

@@ -24,8 +24,10 @@ _MEDIAN_OF_NORM: Final = 1.5382
 """Median of the length of a vector of three standard normal numbers."""
 _SMALLEST: Final = 1e-3
 """Smallest deviation of attitudes: digits of a file, and bends of a motion [rad]."""
-_SMALLEST_DISTANCE: Final = (5e-5, 5e-4)
-"""Smallest deviation of positions, of poses at high and at low rates [m]."""
+_FINE: Final = 5e-5
+"""Smallest deviation of positions, of poses at high rates [m]."""
+_COARSE: Final = 5e-4
+"""Smallest deviation of positions, of poses at low rates or of whole millimetres [m]."""
 _BEND: Final = 2.0
 """Deviation of a position between poses over the interval squared [m/s^2]: a motion bends less over
 a short time. At 200 Hz ten deviations are half a millimetre, and a jump of 1 mm shows (a pose next
@@ -55,13 +57,11 @@ def smallest_distance(t: Array, position: Array) -> float:
     """
     step = float(np.median(np.diff(t)))
     if np.allclose(position, np.round(position, 3), rtol=0.0, atol=1e-7):
-        return _SMALLEST_DISTANCE[1]
-    return float(np.clip(_BEND * step**2, *_SMALLEST_DISTANCE))
+        return _COARSE
+    return float(np.clip(_BEND * step**2, _FINE, _COARSE))
 
 
-def residuals(
-    t: Array, position: Array, q_wb: Array, smallest: float = _SMALLEST_DISTANCE[1]
-) -> Residuals:
+def residuals(t: Array, position: Array, q_wb: Array, smallest: float = _COARSE) -> Residuals:
     """Return the distance of each pose from a cubic through its six neighbours.
 
     Least squares without the pose itself, over ``sqrt(1 + leverage)``, so that a pose at an end is

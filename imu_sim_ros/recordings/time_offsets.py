@@ -246,9 +246,9 @@ def time_offset_of_turns(reference: TurnAngles, moved: TurnAngles) -> OffsetInte
         values = np.array([pair.residual(candidate) for candidate in fine])
         k = int(np.clip(np.argmin(values), 1, len(fine) - 2))
         shift, remains = float(fine[k]), float(values[k])
-    left, middle, right = values[k - 1 : k + 2]
-    if left - 2.0 * middle + right > 0.0:
-        vertex = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    before, middle, after = values[k - 1 : k + 2]
+    if before - 2.0 * middle + after > 0.0:
+        vertex = 0.5 * (before - after) / (before - 2.0 * middle + after)
         shift += float(np.clip(vertex, -1.0, 1.0)) * _STEPS[-1] * pair.window
     # A motion that repeats itself looks alike at several offsets.
     dips = (residuals[1:-1] <= residuals[:-2]) & (residuals[1:-1] <= residuals[2:])

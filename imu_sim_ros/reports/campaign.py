@@ -106,7 +106,8 @@ def campaign_sections(
     verdict.items.extend({"kind": "text", "text": note} for note in notes)
     sections = [verdict, _results(plan, rows, groups, present, chosen, folder)]
     if earlier:
-        sections[1].items[-1]["trend"] = _trend(groups, earlier, chosen)
+        results_table = sections[-1].items[-1]
+        results_table["trend"] = _trend(groups, earlier, chosen)
     sections.append(_cells(plan, groups, present, chosen))
     return plan.options.name, [*sections, _parameters(plan), _repeat(folder, rows)]
 
@@ -270,19 +271,22 @@ def _sensors(plan: Plan, groups: Sequence[Group]) -> list[Item]:
     """Return the parameters of each group's sensor, if the grid has several sensors."""
     if "imu" not in plan.grid_names:
         return []
-    by_cell = {}
+    values_by_cell = {}
     for cell in plan.cells():
         imu = flatten(plan.simulation(cell))
-        by_cell[cell.name] = {
+        values_by_cell[cell.name] = {
             name: float(np.mean(np.asarray(imu[f"imu.{name}"], np.float64))) for name in _SENSORS
         }
-    result = []
+    sensor_items = []
     for name, unit in _SENSORS.items():
-        values = [by_cell[group.cell][name] if group.cell in by_cell else None for group in groups]
+        values = [
+            values_by_cell[group.cell][name] if group.cell in values_by_cell else None
+            for group in groups
+        ]
         if sum(value is not None and value > 0.0 for value in values) > 1:
             title = f"{name.replace('_', ' ')} [{unit}]"
-            result.append({"name": name, "label": title, "values": values})
-    return result
+            sensor_items.append({"name": name, "label": title, "values": values})
+    return sensor_items
 
 
 def _consistency(groups: Sequence[Group]) -> Item | None:

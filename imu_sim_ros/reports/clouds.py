@@ -4,6 +4,7 @@
 """Clouds of a bag as sections of a page: scans from above, how many points, and how far."""
 
 import base64
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -54,57 +55,81 @@ def cloud_sections(path: Path) -> list[Section]:
     return sections
 
 
-def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
-    """Return the plots of a topic of clouds, and some of its scans."""
-    drawn = set(np.linspace(0, info.count - 1, _PICTURES).round().astype(int).tolist())
-    stamps, counts, scans = [], [], []
-    histogram, edges = np.zeros(_BINS), np.linspace(0.0, 1.0, _BINS + 1)
-    for k, (t_ns, points) in enumerate(read_clouds(path, info.name)):
+class _CloudStatistics:
+    """Points of the clouds of a topic, and some of its scans."""
+
+    def __init__(self, count: int) -> None:
+        """Initialise without clouds.
+
+        :param count: clouds of the topic; some at even distances are kept as scans.
+        """
+        self._pictured = set(np.linspace(0, count - 1, _PICTURES).round().astype(int).tolist())
+        self.stamps: list[int] = []
+        """Stamps of the clouds [ns]."""
+        self.counts: list[int] = []
+        """Points of each cloud that are finite."""
+        self.scans: list[tuple[int, Array, AnyArray]] = []
+        """Stamp, positions (k, 3) [m] and points (k,) of the scans that are drawn."""
+        self.histogram: Array = np.zeros(_BINS)
+        """Points by their range."""
+        self.edges: Array = np.linspace(0.0, 1.0, _BINS + 1)
+        """Ranges between which the points of ``histogram`` are counted [m]."""
+
+    def add(self, t_ns: int, points: AnyArray) -> None:
+        """Count the points (k,) of the next cloud."""
         positions = np.stack([points[axis] for axis in "xyz"], axis=1)
         finite = np.isfinite(positions).all(axis=1)
         ranges = np.sqrt((positions[finite].astype(np.float64) ** 2).sum(axis=1))
-        stamps.append(t_ns)
-        counts.append(len(ranges))
-        while len(ranges) and ranges.max() > edges[-1]:  # bins of twice the width
-            histogram = np.append(histogram.reshape(-1, 2).sum(axis=1), np.zeros(_BINS // 2))
-            edges *= 2.0
-        histogram += np.histogram(ranges, edges)[0]
-        if k in drawn:
-            scans.append((t_ns, positions[finite], points[finite]))
-    if not stamps:
+        if len(self.stamps) in self._pictured:
+            self.scans.append((t_ns, positions[finite], points[finite]))
+        self.stamps.append(t_ns)
+        self.counts.append(len(ranges))
+        while len(ranges) and ranges.max() > self.edges[-1]:  # bins of twice the width
+            pairs = self.histogram.reshape(-1, 2).sum(axis=1)
+            self.histogram = np.append(pairs, np.zeros(_BINS // 2))
+            self.edges *= 2.0
+        self.histogram += np.histogram(ranges, self.edges)[0]
+
+    def text(self) -> str:
+        """Return the number of clouds, their rate and their points as text."""
+        text = f"{len(self.stamps):,} scans"
+        with suppress(InputError):  # fewer than two different stamps
+            clock = estimate_clock(np.array(self.stamps, dtype=np.int64))
+            text += f", {clock.rate:.6g} Hz, {clock.lost:,} missing between others"
+        counts: Array = np.array(self.counts, dtype=np.float64)
+        return (
+            f"{text}; {counts.mean():,.0f} points in a scan on average, {counts.min():,.0f} to "
+            f"{counts.max():,.0f}"
+        )
+
+
+def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
+    """Return the plots of a topic of clouds, and some of its scans."""
+    statistics = _CloudStatistics(info.count)
+    for t_ns, points in read_clouds(path, info.name):
+        statistics.add(t_ns, points)
+    if not statistics.stamps:
         return [{"kind": "text", "text": f"{info.name}: no scans"}]
-    t_s = (np.array(stamps) - stamps[0]) * 1e-9
-    number: Array = np.array(counts, dtype=np.float64)
-    text = f"{info.name}: {len(t_s):,} scans"
-    with suppress(InputError):  # fewer than two different stamps
-        clock = estimate_clock(np.array(stamps, dtype=np.int64))
-        text += f", {clock.rate:.6g} Hz, {clock.lost:,} missing between others"
-    text += (
-        f"; {number.mean():,.0f} points in a scan on average, {number.min():,.0f} to "
-        f"{number.max():,.0f}"
-    )
+    first_ns = statistics.stamps[0]
+    t_s = (np.array(statistics.stamps) - first_ns) * 1e-9
+    text = f"{info.name}: {statistics.text()}"
+    counts: Array = np.array(statistics.counts, dtype=np.float64)
     plots = [
-        plot(f"{info.name}: points in a scan", "time [s]", "", [curve("", 0, t_s, number)]),
-        _ranges(info.name, histogram, edges),
+        plot(f"{info.name}: points in a scan", "time [s]", "", [curve("", 0, t_s, counts)]),
+        _ranges(info.name, statistics.histogram, statistics.edges),
     ]
     true_name = truth_of(info, topics)
     if true_name is not None:
         truth = _truth(path, true_name)
         if truth.error_m is not None:
             text += f"; RMS error of the ranges (measured - true): {truth.error_m:.3g} m"
-            title = f"{info.name}: RMS error of the ranges in each scan"
-            plots.append(plot(title, "time [s]", "[m]", [curve("", 0, *truth.errors)]))
-            plots[-1]["caption"] = "Of points of one surface."
-        lines = [curve(kind, k, *series) for k, (kind, series) in enumerate(truth.counts.items())]
-        if lines:
-            title = f"{info.name}: points that are not of one surface at rest"
-            plots.append(plot(title, "time [s]", "", lines, legend=True))
+        plots += _truth_plots(info.name, truth)
     for item in plots:
         if item["x"]["label"] == "time [s]":
             item["link"] = f"{path} {info.name}"
     return [
         {"kind": "text", "text": text},
-        *_pictures(info.name, scans, stamps[0]),
+        *_pictures(info.name, statistics.scans, first_ns),
         {"kind": "plots", "items": plots},
     ]
 
@@ -142,6 +167,21 @@ def _truth(path: Path, name: str) -> _Truth:
     return _Truth(
         counts_of_kinds, (t_s, errors), float(np.sqrt(total[0] / total[1])) if total[1] else None
     )
+
+
+def _truth_plots(name: str, truth: _Truth) -> Iterator[Item]:
+    """Yield the plots of the errors of ranges, and of the points that are not of one surface.
+
+    :param name: topic of the clouds.
+    """
+    if truth.error_m is not None:
+        title = f"{name}: RMS error of the ranges in each scan"
+        errors = plot(title, "time [s]", "[m]", [curve("", 0, *truth.errors)])
+        yield errors | {"caption": "Of points of one surface."}
+    lines = [curve(kind, k, *series) for k, (kind, series) in enumerate(truth.counts.items())]
+    if lines:
+        title = f"{name}: points that are not of one surface at rest"
+        yield plot(title, "time [s]", "", lines, legend=True)
 
 
 def _ranges(name: str, histogram: Array, edges: Array) -> Item:

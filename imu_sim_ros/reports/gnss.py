@@ -55,8 +55,8 @@ def _fixes(path: Path, name: str, true_name: str | None) -> list[Item]:
     tracks = [track(name, 0, measured.values)]
     truth = None
     if true_name is not None:
-        true_ns, true_geodetic, no_variance, _ = _read_fixes(path, true_name)
-        truth = _quantity("m", true_ns, tangent_plane(true_geodetic, origin), no_variance)
+        true_ns, true_geodetic, true_variance, _ = _read_fixes(path, true_name)
+        truth = _quantity("m", true_ns, tangent_plane(true_geodetic, origin), true_variance)
         tracks.insert(0, track(true_name, None, truth.values))
     text += f"; metres east, north and up of {origin[0]:.7f}, {origin[1]:.7f} deg"
     items: list[Item] = [

@@ -83,7 +83,6 @@ class _TopicStatistics:
 def topic_items(path: Path, topics: Sequence[TopicInfo]) -> list[Item]:
     """Return the table of a bag's topics, and the strips of its cameras."""
     counters = {topic.name: _TopicStatistics(topic) for topic in topics}
-    strips = []
     with open_bag(path) as bag:
         for group in bag.groups():
             for block in group:
@@ -99,9 +98,8 @@ def topic_items(path: Path, topics: Sequence[TopicInfo]) -> list[Item]:
         "The rate is that of the clock behind the record times, the mean that over all; in a gap "
         "messages are missing. Bytes are those of a message, before compression."
     )
-    items = [table("topics", header, rows, search=False), {"kind": "text", "text": text}]
-    items[-1]["faint"] = True
-    return items + strips
+    explanation: Item = {"kind": "text", "text": text, "faint": True}
+    return [table("topics", header, rows, search=False), explanation, *strips]
 
 
 def _strip(bag: Bag, camera: _TopicStatistics) -> Item:

@@ -202,7 +202,10 @@ def _load(path: Path, is_binary: bool) -> tuple[dict[str, dict[str, AnyArray]], 
 
 
 def _binary_columns(log_file: "DFReader_binary") -> dict[str, dict[str, AnyArray]]:
-    """Return the columns of a binary log by message and field."""
+    """Return the columns of a binary log by message and field, in the units of the log.
+
+    The log defines a letter for each field of a message: its type, and the divisor of integers.
+    """
     content = np.frombuffer(log_file.data_map, np.uint8)
     tables = {}
     for name in _NAMES:
@@ -212,16 +215,16 @@ def _binary_columns(log_file: "DFReader_binary") -> dict[str, dict[str, AnyArray
             continue
         letters = zip(form.columns, form.format, strict=True)
         row = np.dtype([(column, _CELLS[letter]) for column, letter in letters])
-        places = np.asarray(log_file.offsets[number], np.int64)
-        places = places[places + form.len <= len(content)]
-        if row.itemsize + _HEAD_BYTES != form.len or not len(places):
+        offsets = np.asarray(log_file.offsets[number], np.int64)
+        offsets = offsets[offsets + form.len <= len(content)]
+        if row.itemsize + _HEAD_BYTES != form.len or not len(offsets):
             continue
         windows = np.lib.stride_tricks.sliding_window_view(content, row.itemsize)
-        table = np.ascontiguousarray(windows[places + _HEAD_BYTES]).view(row)[:, 0]
+        table = np.ascontiguousarray(windows[offsets + _HEAD_BYTES]).view(row)[:, 0]
         tables[name] = {
             column: table[column] / _DIVISORS[letter] if letter in _DIVISORS else table[column]
             for column, letter in zip(form.columns, form.format, strict=True)
-            if letter not in "nNZ"
+            if letter not in "nNZ"  # texts
         }
     del content
     return tables

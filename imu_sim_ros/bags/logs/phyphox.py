@@ -210,17 +210,17 @@ def _start(cells: Sequence[str]) -> list[tuple[float, int]]:
 
 def _streams(sets: Sequence[_Set], clock: _Clock, remarks: list[str]) -> Iterator[LogStream]:
     """Yield the readings of gyroscope, accelerometer, magnetometer and barometer."""
-    by_unit: Mapping[str, list[_Set]] = {
+    sets_by_unit: Mapping[str, list[_Set]] = {
         unit: [entry for entry in sets if entry.unit == unit]
         for unit in (_FORCE, _RATE, _FIELD, _PRESSURE)
     }
-    gyro = [_triad("/gyroscope", entry, clock) for entry in by_unit[_RATE][:1]]
-    accel = _specific_force(by_unit[_FORCE], clock, remarks)
+    gyro = [_triad("/gyroscope", entry, clock) for entry in sets_by_unit[_RATE][:1]]
+    accel = _specific_force(sets_by_unit[_FORCE], clock, remarks)
     yield from log.pair(gyro[0] if gyro else None, accel, remarks)
-    for entry in by_unit[_FIELD][:1]:
+    for entry in sets_by_unit[_FIELD][:1]:
         field = _triad("/magnetometer", entry, clock)
         yield log.magnetic_field(field.topic, field.t_ns, field.values)
-    for entry in by_unit[_PRESSURE][:1]:
+    for entry in sets_by_unit[_PRESSURE][:1]:
         pressure = _triad("/barometer", entry, clock)
         yield log.pressure(pressure.topic, pressure.t_ns, pressure.values[:, 0])
 
@@ -261,14 +261,14 @@ def _median_length(entry: _Set) -> float:
 
 def _location(table: ColumnTable, clock: _Clock, damage: list[str]) -> Iterator[LogStream]:
     """Yield the positions of the phone."""
-    by_name = {columns.split_unit(name)[0].lower(): name for name in table.names}
-    needed = [by_name.get(name) for name in ("latitude", "longitude")]
+    column_names = {columns.split_unit(name)[0].lower(): name for name in table.names}
+    position_columns = [column_names.get(name) for name in ("latitude", "longitude")]
     heights = ("altitude wgs84", "altitude", "height")
-    height = next((by_name[name] for name in heights if name in by_name), None)
-    if None in needed or height is None:
+    height = next((column_names[name] for name in heights if name in column_names), None)
+    if None in position_columns or height is None:
         return
-    accuracies = [by_name.get(f"{name} accuracy") for name in ("horizontal", "vertical")]
-    names = [str(_time_column(table)), *map(str, needed), height]
+    accuracies = [column_names.get(f"{name} accuracy") for name in ("horizontal", "vertical")]
+    names = [str(_time_column(table)), *map(str, position_columns), height]
     names += [name for name in accuracies if name is not None]
     numbers = table.numbers(names, damage)
     t_ns = clock.t_ns(numbers[:, 0])

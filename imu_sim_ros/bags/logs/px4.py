@@ -285,8 +285,8 @@ def _instances(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
             degrees = topic.number("temperature")
             if degrees is not None and np.isfinite(degrees).any():
                 rows = np.isfinite(degrees)
-                name_of = f"{topic.topic}/temperature"
-                yield log.temperature(name_of, topic.t_ns[rows], degrees[rows])
+                stream_name = f"{topic.topic}/temperature"
+                yield log.temperature(stream_name, topic.t_ns[rows], degrees[rows])
 
 
 def _triads(
@@ -405,26 +405,26 @@ def _odometry_of(topic: _Topic, remarks: list[str]) -> Iterator[LogStream]:
     # Firmware before 1.14 counts its frames from 0: NED, then FRD.
     ned_number = _POSE_NED if "pose_frame" in topic.columns else 0
     is_ned = frame is None or bool((frame == ned_number).all())
-    to_world = axes.enu if is_ned else axes.flu
+    convert_axes = axes.enu if is_ned else axes.flu
     q_wb = axes.q_enu_flu(q) if is_ned else axes.q_flu_flu(q)
     frame_id = WORLD_FRAME if is_ned else "odom"
     velocity = topic.vector("velocity")
     velocity = topic.vector("vx", "vy", "vz") if velocity is None else velocity
-    names = topic.topic, topic.t_ns, to_world(position), q_wb
+    names = topic.topic, topic.t_ns, convert_axes(position), q_wb
     if velocity is None or not np.isfinite(velocity).all():
         yield log.poses(*names, frame_id=frame_id, aliases=topic.aliases)
         return
-    in_body = topic.columns.get("velocity_frame")
-    rotated = to_world(velocity)
-    if in_body is not None:
-        body = (in_body == _VELOCITY_BODY)[:, None]
-        of_body = np.einsum("nij,nj->ni", to_matrix(q_wb), axes.flu(velocity))
-        rotated = np.where(body, of_body, rotated)
+    velocity_frame = topic.columns.get("velocity_frame")
+    velocity_w = convert_axes(velocity)
+    if velocity_frame is not None:
+        body = (velocity_frame == _VELOCITY_BODY)[:, None]
+        velocity_from_body = np.einsum("nij,nj->ni", to_matrix(q_wb), axes.flu(velocity))
+        velocity_w = np.where(body, velocity_from_body, velocity_w)
     rates = topic.vector("angular_velocity")
     rates = topic.vector("rollspeed", "pitchspeed", "yawspeed") if rates is None else rates
     yield log.odometry(
         *names,
-        rotated,
+        velocity_w,
         axes.flu(rates) if rates is not None and np.isfinite(rates).all() else None,
         _variances(topic, q_wb, is_ned),
         frame_id,

@@ -15,7 +15,7 @@ update rate of the head.
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -150,11 +150,7 @@ class _Export:
         if not len(t_ns):
             return
         table = {name: values[:, k] for k, name in enumerate([*names, *optional])}
-
-        def vector(*fields: str) -> Array:
-            return np.column_stack([table[field] for field in fields])
-
-        parts = {name: vector(*fields) for name, fields in needed.items()}
+        parts = {name: _stack(table, fields) for name, fields in needed.items()}
         seconds = _interval(t_ns)
         if "velocity" in parts:
             parts["accel"] = parts["velocity"] / seconds
@@ -162,23 +158,13 @@ class _Export:
             parts["gyro"] = rotation_vector(parts["turn"]) / seconds
         elif "gyro" in parts and self._has_degrees():
             parts["gyro"] = np.radians(parts["gyro"])
-        q_wi = self._orientation(vector)
+        q_wi = self._orientation(table)
         yield log.imu("/imu", t_ns, parts.get("gyro"), parts.get("accel"), q_wi=q_wi)
-        for name, make in (("temperature", log.temperature), ("pressure", log.pressure)):
+        for name, encode in (("temperature", log.temperature), ("pressure", log.pressure)):
             rows = np.isfinite(table[name])
             if rows.any():
-                yield make(f"/{name}", t_ns[rows], table[name][rows])
-        place = vector("latitude", "longitude", "altitude")
-        rows = np.isfinite(place).all(axis=1) & (place[:, :2] != 0.0).any(axis=1)
-        if rows.any():
-            zeros = np.zeros(np.count_nonzero(rows))
-            latitude, longitude, height = place[rows].T
-            position = (latitude, longitude, height)
-            has_fix = np.ones(len(zeros), np.bool_)
-            yield log.fix("/position", t_ns[rows], position, has_fix, (zeros, zeros))
-            if q_wi is not None:
-                local = tangent_plane(place[rows], place[rows][0])
-                yield log.poses("/pose", t_ns[rows], local, q_wi[rows])
+                yield encode(f"/{name}", t_ns[rows], table[name][rows])
+        yield from _position_streams(t_ns, table, q_wi)
 
     def _has_values(self, names: Sequence[str]) -> bool:
         """Return True for columns that are not empty in all of the first rows."""
@@ -231,11 +217,14 @@ class _Export:
         unit = self._units.get("gyrx", "").lower()
         return unit.startswith("deg") or unit == "dps" or (not unit and self._is_dot)
 
-    def _orientation(self, vector: Callable[..., Array]) -> Array | None:
-        """Return the orientation (n, 4) of the sensor in ENU; None: not all rows have one."""
-        q = vector(*(f"quatq{k}" for k in range(4)))
-        matrix = vector(*_MATRIX).reshape(-1, 3, 3)
-        angles = vector("roll", "pitch", "yaw")
+    def _orientation(self, table: Mapping[str, Array]) -> Array | None:
+        """Return the orientation (n, 4) of the sensor in ENU; None: not all rows have one.
+
+        :param table: columns (n,) by their names; NaN where a cell is empty.
+        """
+        q = _stack(table, [f"quatq{k}" for k in range(4)])
+        matrix = _stack(table, _MATRIX).reshape(-1, 3, 3)
+        angles = _stack(table, ("roll", "pitch", "yaw"))
         if np.isfinite(q).all() and (np.linalg.norm(q, axis=1) > 0.5).all():
             q_li = q
         elif np.isfinite(matrix).all() and (np.abs(np.linalg.det(matrix) - 1.0) < 0.1).all():
@@ -247,6 +236,32 @@ class _Export:
         if self._world == "NWU":
             return multiply(_NORTH_IS_X, q_li)
         return q_li if self._world == "ENU" else axes.q_enu_of_ned(q_li)
+
+
+def _stack(table: Mapping[str, Array], names: Sequence[str]) -> Array:
+    """Return the columns of some names side by side, (n, m)."""
+    return np.column_stack([table[name] for name in names])
+
+
+def _position_streams(
+    t_ns: Times, table: Mapping[str, Array], q_wi: Array | None
+) -> Iterator[LogStream]:
+    """Yield the fixes of rows that have one, and the poses in the tangent plane at the first.
+
+    :param table: columns (n,) with latitude, longitude [deg] and altitude [m].
+    :param q_wi: (n, 4) orientations in ENU; None: there are no poses.
+    """
+    position = _stack(table, ("latitude", "longitude", "altitude"))
+    rows = np.isfinite(position).all(axis=1) & (position[:, :2] != 0.0).any(axis=1)
+    if not rows.any():
+        return
+    fixes = position[rows]
+    latitude, longitude, height = fixes.T
+    zeros = np.zeros(len(fixes))
+    has_fix = np.ones(len(fixes), np.bool_)
+    yield log.fix("/position", t_ns[rows], (latitude, longitude, height), has_fix, (zeros, zeros))
+    if q_wi is not None:
+        yield log.poses("/pose", t_ns[rows], tangent_plane(fixes, fixes[0]), q_wi[rows])
 
 
 def _interval(t_ns: Times) -> float:

@@ -96,10 +96,10 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
     count = len(block.t_ns)
     t_ns, nanosecond = np.empty((2, count), dtype=np.int64)
     first_form = groups[0].form
-    fields_of = {name: name.removesuffix(FIRST) for name in names}
+    field_names = {name: name.removesuffix(FIRST) for name in names}
     numbers = {
         name: np.empty((count, *first_form.dtype[field].shape)[: 1 if name != field else None])
-        for name, field in fields_of.items()
+        for name, field in field_names.items()
     }
     frame_ids = tuple(dict.fromkeys(group.texts[0] for group in groups if group.texts))
     frames = np.zeros(count, dtype=np.int64)
@@ -110,7 +110,7 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
         seconds = values["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND
         nanosecond[rows] = values["nanosec"]
         t_ns[rows] = seconds + nanosecond[rows]
-        for name, field in fields_of.items():
+        for name, field in field_names.items():
             numbers[name][rows] = values[field] if name == field else values[field][:, 0]
     times = block.t_ns, t_ns, nanosecond
     return Decoded(groups[0].texts, *times, numbers, frames, frame_ids)

@@ -89,10 +89,10 @@ class Encoder:
         entries = (self.layout.dtype.fields or {}).items()
         self._fields = {name: (kind, offset) for name, (kind, offset, *_) in entries}
         generations = ("cdr", layout.encoding)
-        of_ros2, present = (
+        ros2_fields, own_fields = (
             {name for name, _, _ in fields(layout.type_name, encoding)} for encoding in generations
         )
-        self._left_out = of_ros2 - present
+        self._left_out = ros2_fields - own_fields
         """Fields that the message has in ROS 2 only, if it is one of ROS 1."""
         self._whole = np.dtype((np.void, self.layout.dtype.itemsize))
         self._template = self.layout.template
@@ -208,13 +208,13 @@ class ImuEncoder(Encoder):
         """
         if q_wi is None:
             return self._row_template(t_ns, angular_velocity=gyro, linear_acceleration=accel)
-        diagonal = np.asarray(orientation_covariance) * np.ones(3)
-        of_orientation = np.zeros((*diagonal.shape[:-1], 9))
-        of_orientation[..., ::4] = diagonal
+        variances = np.asarray(orientation_covariance) * np.ones(3)
+        covariance = np.zeros((*variances.shape[:-1], 9))
+        covariance[..., ::4] = variances
         return self._row_template(
             t_ns,
             orientation=np.asarray(q_wi)[:, ROS_ORDER],
-            orientation_covariance=of_orientation,
+            orientation_covariance=covariance,
             angular_velocity=gyro,
             linear_acceleration=accel,
         )
@@ -345,8 +345,8 @@ class MagneticFieldEncoder(_OfFrame):
         :param field: (n, 3) fields [T].
         :param covariance: per sample [T^2]: 0 (unknown), three variances, or (3, 3).
         """
-        of_field = _matrix3(covariance).ravel()
-        return self._row_template(t_ns, magnetic_field=field, magnetic_field_covariance=of_field)
+        row_major = _matrix3(covariance).ravel()
+        return self._row_template(t_ns, magnetic_field=field, magnetic_field_covariance=row_major)
 
 
 class FluidPressureEncoder(_OfFrame):

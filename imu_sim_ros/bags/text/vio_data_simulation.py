@@ -24,8 +24,10 @@ from imu_sim_ros.inputs.rows import Row, is_present, number_of, row_blocks
 READINGS: Final = "imu_pose_noise.txt"
 TRUTH: Final = "imu_pose.txt"
 _WHAT: Final = "a table of numbers"
-_COUNTS: Final = (14, 15)
-"""Numbers in a row: with readings, and with a pose twice."""
+_READINGS_COLUMNS: Final = 14
+"""Numbers in a row with readings."""
+_POSES_COLUMNS: Final = 15
+"""Numbers in a row with a pose twice."""
 _ORIENTATION: Final = slice(1, 5)
 _POSITION: Final = slice(5, 8)
 _GYRO: Final = slice(8, 11)
@@ -59,7 +61,7 @@ def truth_file(path: Path) -> Path:
 
 def has_states(path: Path) -> bool:
     """Return whether there are true readings and poses: of a folder, or of a file of readings."""
-    return is_source(path) and _row_length(truth_file(path)) == _COUNTS[0]
+    return is_source(path) and _row_length(truth_file(path)) == _READINGS_COLUMNS
 
 
 def read_readings(path: Path, skipped: Skipped | None = None) -> Readings:
@@ -70,7 +72,7 @@ def read_readings(path: Path, skipped: Skipped | None = None) -> Readings:
     """
     file = readings_file(path)
     t_ns, numbers, lines = _table(file, skipped)
-    if numbers.shape[1] != _COUNTS[0]:
+    if numbers.shape[1] != _READINGS_COLUMNS:
         raise InputError(f"{file}: contains poses only, no readings of an IMU")
     gyro, accel = numbers[:, _GYRO], numbers[:, _ACCEL]
     return Readings(t_ns, gyro, accel, source=str(path), lines=lines)
@@ -90,7 +92,7 @@ def read_states(path: Path, skipped: Skipped | None = None) -> States:
     position, q_wb = numbers[:, _POSITION], normalise(numbers[:, _ORIENTATION])
     velocity = rates = None
     # The frames of a camera have zeros for readings.
-    if numbers.shape[1] == _COUNTS[0] and numbers[:, _ACCEL].any() and len(numbers) > 2:
+    if numbers.shape[1] == _READINGS_COLUMNS and numbers[:, _ACCEL].any() and len(numbers) > 2:
         force = rotate(q_wb, numbers[:, _ACCEL])
         velocity = _velocities((t_ns - t_ns[0]) * 1e-9, position, force)
         rates = numbers[:, _GYRO]
@@ -136,12 +138,12 @@ def _head(path: Path) -> Array:
 def _has_form(path: Path) -> bool:
     """Return True for a file whose rows are those of vio_data_simulation."""
     head = _head(path)
-    if head.shape[1] not in _COUNTS:
+    if head.shape[1] not in (_READINGS_COLUMNS, _POSES_COLUMNS):
         return False
     lengths = np.linalg.norm(head[:, _ORIENTATION], axis=1)
     # OpenVINS' rows in TUM's form can have as many columns.
-    of_tum = np.linalg.norm(head[:, _TUM_ORIENTATION], axis=1)
-    is_tum = bool((np.abs(of_tum - 1.0) < _UNIT).all())
+    tum_lengths = np.linalg.norm(head[:, _TUM_ORIENTATION], axis=1)
+    is_tum = bool((np.abs(tum_lengths - 1.0) < _UNIT).all())
     return bool((np.abs(lengths - 1.0) < _UNIT).all()) and not is_tum
 
 
@@ -155,8 +157,8 @@ def _table(path: Path, skipped: Skipped | None) -> tuple[Integers, Array, Intege
     :raises InputError: with the first lines of every class of bad rows.
     """
     bad, count = BadRows(path), _row_length(path)
-    if count not in _COUNTS:
-        count = _COUNTS[0]
+    if count not in (_READINGS_COLUMNS, _POSES_COLUMNS):
+        count = _READINGS_COLUMNS
     lines: list[int] = []
     rows: list[list[float]] = []
     for block in row_blocks(path, _WHAT):
@@ -170,7 +172,7 @@ def _table(path: Path, skipped: Skipped | None) -> tuple[Integers, Array, Intege
         stamps = np.rint(np.clip(table[:, 0] * 1e9, -gate.LAST_STAMP, gate.LAST_STAMP))
     t_ns = np.where(np.isfinite(stamps), stamps, 0.0).astype(np.int64)
     columns = [(gate.ORIENTATION, table[:, _ORIENTATION]), (gate.POSITION, table[:, _POSITION])]
-    if count == _COUNTS[0]:
+    if count == _READINGS_COLUMNS:
         columns += [(gate.RATE, table[:, _GYRO]), (gate.FORCE, table[:, _ACCEL])]
     verdict = gate.Verdict(t_ns, columns)
     verdict.note(bad, numbers_of_lines)

@@ -3,8 +3,6 @@
 
 """kalibr: ``imu.yaml``, ``camchain.yaml`` and ``target.yaml`` (kalibr_common/ConfigReader.py)."""
 
-from itertools import pairwise
-
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, lens_kind, yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
@@ -63,10 +61,8 @@ def camchain(rig: RigValues) -> str:
             ),
         ]
     )
-    for number, (previous, name) in enumerate(pairwise([None, *rig.cameras])):
-        if name is None:
-            continue
-        camera = rig.cameras[name]
+    previous: str | None = None
+    for number, (name, camera) in enumerate(rig.cameras.items()):
         overlaps = [k for k in range(len(rig.cameras)) if k != number]
         text += f"cam{number}:\n  cam_overlaps: {overlaps}\n"
         if previous is not None:
@@ -78,6 +74,7 @@ def camchain(rig: RigValues) -> str:
         text += f"  timeshift_cam_imu: {yaml_float(rig.time_shift(name))}\n"
         if camera.row_time:
             text += f"  line_delay: {yaml_float(camera.row_time)}\n"
+        previous = name
     return text
 
 

@@ -327,7 +327,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             self._unit = drawn_constants({"": unit})
         counters = self.outputs.counters
         strays = self._reading_strays.count + self._state_strays.count
-        strays += sum(strays_of_values.count for strays_of_values in self._value_strays.values())
+        strays += sum(stray.count for stray in self._value_strays.values())
         self._diagnostics.publish(
             self._report.message(
                 stamp, counts, self._refusals.count, strays, self._remarks, counters, self._unit

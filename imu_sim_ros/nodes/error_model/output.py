@@ -45,7 +45,7 @@ class _Output(NamedTuple):
 
 
 class ErrorModelOutputs:
-    """The publishers of the node."""
+    """Publishers of the node error_model, one for each topic of its parameter ``publish``."""
 
     def __init__(self, node: Node, parameters: ErrorNodeParameters, fail: Fail) -> None:
         self.counters = [
@@ -54,8 +54,8 @@ class ErrorModelOutputs:
         ]
         self._delayed = Delayed(fail)
         self.encode_for(parameters)
-        (output, *others) = self._outputs
-        self.has_readings_alone = not others and output.offered.topic.name == IMU_TOPIC
+        (output, *further_outputs) = self._outputs
+        self.has_readings_alone = not further_outputs and output.offered.topic.name == IMU_TOPIC
         """True if the readings are all that is published."""
 
     def encode_for(self, parameters: ErrorNodeParameters) -> None:

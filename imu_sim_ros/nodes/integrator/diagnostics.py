@@ -107,7 +107,7 @@ class IntegratorReport:
         new_refused = refused - self._before[2]
         self._before = (totals.readings, irregular, refused)
         compared = 0 if comparison is None else comparison.count
-        no_truth = comparison is not None and compared == self._compared
+        lacks_truth = comparison is not None and compared == self._compared
         self._compared = compared
         if new_refused:
             level, message = DiagnosticStatus.WARN, f"{new_refused} messages refused"
@@ -117,7 +117,7 @@ class IntegratorReport:
             level, message = DiagnosticStatus.WARN, "waiting for the initial state"
         elif new_irregular:
             level, message = DiagnosticStatus.WARN, f"{new_irregular} irregular readings"
-        elif no_truth:
+        elif lacks_truth:
             level, message = DiagnosticStatus.WARN, "no truth arrives: errors are not those of now"
         else:
             level, message = DiagnosticStatus.OK, "integrating"

@@ -162,8 +162,8 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
     # ----------------------------------------------------------------------------- messages
     def _inputs(self) -> dict[str, type]:
         """Return the topics that the node reads, with their message classes."""
-        with_truth = self.parameters.error or self.parameters.initial_state == "truth"
-        return {IMU_TOPIC: Imu, TRUTH_TOPIC: Odometry} if with_truth else {IMU_TOPIC: Imu}
+        needs_truth = self.parameters.error or self.parameters.initial_state == "truth"
+        return {IMU_TOPIC: Imu, TRUTH_TOPIC: Odometry} if needs_truth else {IMU_TOPIC: Imu}
 
     def _take(self, topic: str, batch: list[Taken]) -> None:
         """Process messages of one topic as they arrive."""

@@ -163,8 +163,8 @@ class LiveIntegrator:
         if rate is None:
             reading = start.readings[0]
             rate_i = initial.correction.correct(reading.gyro, reading.accel)[0]
-            of_earth = rotation.rotate_inverse(initial.state.q_wb, self.parameters.earth_rate)
-            rate = rotation.rotate(mount.q_bi, rate_i) - of_earth
+            earth_rate_b = rotation.rotate_inverse(initial.state.q_wb, self.parameters.earth_rate)
+            rate = rotation.rotate(mount.q_bi, rate_i) - earth_rate_b
         return mount.imu_state(initial.state, rate)
 
     def _step(self, stepper: Stepper, reading: LiveReading) -> LiveState | None:
@@ -193,7 +193,7 @@ class LiveIntegrator:
         largest = max(variances[ATTITUDE], default=0.0)
         if largest > LARGEST_SIGMA**2 and not self._uncertain:
             self._complain_about_attitude(math.sqrt(largest))
-        return self._row(stepper, reading.t_ns)
+        return self._body_state(stepper, reading.t_ns)
 
     def _is_usable(self, previous_ns: int, reading: LiveReading) -> bool:
         """Report a reading that made no step; return whether its stamp is new."""
@@ -218,19 +218,24 @@ class LiveIntegrator:
             "covariance, a small-angle approximation, is no longer valid"
         )
 
-    def _row(self, stepper: Stepper, t_ns: int) -> LiveState:
-        """Return the state of the body at the stepper's time."""
-        imu, rate = (stepper.position, stepper.velocity, stepper.q_wb), stepper.angular_velocity
+    def _body_state(self, stepper: Stepper, t_ns: int) -> LiveState:
+        """Return the state of the body, with its covariance if that is propagated.
+
+        :param stepper: state of the IMU, whose rate includes that of the Earth.
+        """
+        imu_state = stepper.position, stepper.velocity, stepper.q_wb
+        rate = stepper.angular_velocity
         if any(self.parameters.earth_rate):
-            x, y, z = components.rotate_inverse(stepper.q_wb, self.parameters.earth_rate)
-            rate = (rate[0] - x, rate[1] - y, rate[2] - z)
-        body = self._mount.body_state(imu, rate)
+            earth = components.rotate_inverse(stepper.q_wb, self.parameters.earth_rate)
+            rate = (rate[0] - earth[0], rate[1] - earth[1], rate[2] - earth[2])
+        body = self._mount.body_state(imu_state, rate)
         if self._covariance is None:
             return LiveState(t_ns, *body)
         self._r_wi = components.to_matrix(stepper.q_wb)
         pose, twist = self._covariance.message(self._r_wi, stepper.velocity, self.rate)
         if self._mount is not ALIGNED:
-            pose = self._mount.pose_covariance(pose, body[1])
+            _, q_wb, *_ = body
+            pose = self._mount.pose_covariance(pose, q_wb)
             twist = self._mount.twist_covariance(twist)
         return LiveState(t_ns, *body, pose, twist)
 

@@ -208,11 +208,11 @@ class Recorder(ConfiguredNode[RecorderParameters]):
     ) -> list[TopicEndpointInfo]:
         """Return the publishers of a topic's recorded type; report and count each other type."""
         recorded = self._types[name]
-        by_type: dict[str, list[TopicEndpointInfo]] = {}
+        publishers_by_type: dict[str, list[TopicEndpointInfo]] = {}
         for publisher in publishers:
-            by_type.setdefault(publisher.topic_type, []).append(publisher)
-        matching = by_type.pop(recorded, [])
-        for other_type, sources in by_type.items():
+            publishers_by_type.setdefault(publisher.topic_type, []).append(publisher)
+        matching = publishers_by_type.pop(recorded, [])
+        for other_type, sources in publishers_by_type.items():
             if (name, other_type) not in self._other_types:
                 self._other_types[name, other_type] = self._counter(name, other_type, sources)
                 self.get_logger().warning(

@@ -226,7 +226,7 @@ class RecordedTopic:
             with suppress(InputError):  # the bag keeps what no program can read
                 self.findings += self.units.add(imu_reading(payload))
 
-    def look(self) -> None:
+    def update_clock(self) -> None:
         """Pass the accumulated stamps on to the clock."""
         self.clock.add(
             np.array(self.unseen, dtype=np.int64), np.array(self.changes, dtype=np.bool_)
@@ -236,7 +236,7 @@ class RecordedTopic:
 
     def finish(self) -> None:
         """Look at the last stamps, and at the clock behind them all."""
-        self.look()
+        self.update_clock()
         self.clock.finish()
         if self.units is not None and self.stamped and self.clock.clock is not None:
             self.findings += stamp_findings(self.clock.clock, self.name)
@@ -395,7 +395,7 @@ class BagRecording:
         self.size = self._bag.size
         self.files = self._bag.files
         for topic in self.topics.values():
-            topic.look()
+            topic.update_clock()
         # Writing to a removed file keeps succeeding without a sign.
         path = self.files[-1]
         if not (path.exists() or active_path(path).exists()):

@@ -286,8 +286,21 @@ def _report_connected(node: SensorNode, reports: Reports, begun: threading.Event
             reported = connections
 
 
+def _read_tokens() -> Iterator[list[tuple[int, int]]]:
+    """Yield the tokens that have arrived on standard input, until its end.
+
+    A token is the number and the true time [ns] of a frame that is due.
+    """
+    torn_token = b""
+    while data := os.read(0, TOKEN.size * 4096):
+        data = torn_token + data
+        end = len(data) - len(data) % TOKEN.size
+        torn_token = data[end:]
+        yield list(TOKEN.iter_unpack(data[:end]))
+
+
 def _run(node: SensorNode, reports: Reports) -> None:
-    """Publish the sensor's messages until the end; render in a thread of its own."""
+    """Publish the frames whose tokens the node sends; a thread renders them ahead."""
 
     def work() -> None:
         os.nice(_RENDERING_NICE)  # of this thread alone on Linux; readings go first
@@ -307,15 +320,11 @@ def _run(node: SensorNode, reports: Reports) -> None:
     threading.Thread(
         target=_report_connected, args=(node, reports, begun), name="connected", daemon=True
     ).start()
-    done, behind = 0, False
-    waiting = b""
-    while data := os.read(0, TOKEN.size * 4096):
+    done, is_behind = 0, False
+    for tokens in _read_tokens():
         begun.set()
-        waiting += data
-        whole = len(waiting) - len(waiting) % TOKEN.size
-        tokens, waiting = list(TOKEN.iter_unpack(waiting[:whole])), waiting[whole:]
-        if len(tokens) > _BEHIND and not behind:
-            behind = True
+        if len(tokens) > _BEHIND and not is_behind:
+            is_behind = True
             line = f"{node.name}: {len(tokens)} frames are due but not yet rendered"
             reports.say(warnings=[line])
         for number, true_t_ns in tokens:

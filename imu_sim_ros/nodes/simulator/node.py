@@ -76,7 +76,7 @@ _STALL_PERIOD: Final = 10.0
 
 
 class Simulator(ConfiguredNode[SimulatorParameters]):
-    """Plays a simulation; see the module's docstring."""
+    """Publishes the samples of a simulation when they are due; services pause, step, reset it."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__("simulator", SimulatorParameters, layer_files, **arguments)
@@ -224,7 +224,10 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         return [transforms.transform_stream(rate, parameters, trajectory, send)]
 
     def _clock_streams(self, rate: float) -> list[Stream]:
-        """Return the stream of the simulated time, if it is wanted."""
+        """Return the stream of ``/clock``; empty: the rate is 0.
+
+        :param rate: messages per second of simulated time [Hz].
+        """
         if not rate:
             return []
         encoder, send = ClockEncoder(), self._counting_publisher("/clock", CLOCK)

@@ -85,22 +85,28 @@ class Pacer:
     def __init__(
         self, speed: float, catch_up: bool, on_stall: Callable[[Stall], None] = lambda stall: None
     ) -> None:
+        """Set up a pacer that has not begun.
+
+        :param speed: real-time factor; 0: samples pass as fast as they come.
+        :param catch_up: True if late samples follow at a higher speed, False if they are skipped.
+        :param on_stall: receives each stall when it is over.
+        """
         self._on_stall = on_stall
         self._condition = threading.Condition()
         # Set while there is anything to attend to in addition to the next deadline.
         self._attention = threading.Event()
-        # Whether samples simply follow each other in time: no attention, no stall.
+        # True while samples follow each other in time: no attention, no stall.
         self._calm = False
         self._paused = self._interrupted = self._idle = self._moved = False
         self._steps = self._interruptions = 0
-        # What is requested; the waiting thread adopts it when it next checks.
+        # Requested speed and catch_up; the waiting thread adopts them when it next checks.
         self._wanted = (speed, catch_up)
         self._speed, self._catch_up = self._wanted
         self._sim_ns = self._wall_ns = 0
-        # Where late samples began to follow at a limited speed: simulated time and steady clock.
+        # Start of late samples' limited speed: simulated time and steady clock [ns].
         self._burst: tuple[int, int] | None = None
         self._stall: Stall | None = None
-        # How far simulated time usually goes at once: no sample can be more on time.
+        # Usual step of the simulated time [ns]: no sample can be more on time.
         self._grain_ns = 0
         self.caught_up = self.skipped = 0
         self.lateness_ns: list[int] = []

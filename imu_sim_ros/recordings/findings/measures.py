@@ -35,7 +35,8 @@ _STEP: Final = 0.01
 """Interval over which readings are averaged before attitude is integrated [s]."""
 _ALTERNATION: Final = 0.6
 """Share of fourth differences that change sign, from which on they are noise."""
-G: Final = (0.8, 1.25)
+_LOWEST_G: Final = 0.8
+_HIGHEST_G: Final = 1.25
 """Gravity in g, with the errors of a cheap accelerometer and of accelerations that remain."""
 COHERENT: Final = 0.7
 """Coherence from which on an average is gravity."""
@@ -83,6 +84,20 @@ class RateUnit(NamedTuple):
     """Factor that makes rad/s; for counts, that of deg/s."""
     text: str
     """Evidence, if it is not rad/s."""
+
+
+def is_gravity_in_g(size: float) -> bool:
+    """Return True for a mean specific force that is gravity if its unit is g."""
+    return _LOWEST_G <= size <= _HIGHEST_G
+
+
+class RestSphere(NamedTuple):
+    """Sphere on which the specific forces at rest in different attitudes lie."""
+
+    radius: float
+    """Gravity times the scale of the accelerometer [unit of the readings]."""
+    bias: float
+    """Distance of the centre from zero: size of the bias [unit of the readings]."""
 
 
 class ReadingMeasures:
@@ -195,12 +210,8 @@ class ReadingMeasures:
         return float(np.median(np.linalg.norm(self.rest_means[1], axis=1)))
 
     @cached_property
-    def rest_sphere(self) -> tuple[float, float] | None:
-        """Radius of the sphere on which the specific forces at rest lie, and size of its centre.
-
-        The radius is gravity times a scale, the centre a bias, both in the unit of the readings.
-        None: too few directions are at rest.
-        """
+    def rest_sphere(self) -> RestSphere | None:
+        """Sphere on which the specific forces at rest lie; None: too few directions are at rest."""
         if self.rest_means is None:
             return None
         gyro, force = self.rest_means
@@ -217,7 +228,7 @@ class ReadingMeasures:
         columns = np.column_stack([2.0 * directions, np.ones(len(force))])
         *centre, rest = np.linalg.lstsq(columns, np.sum(directions**2, axis=1), rcond=None)[0]
         offset = float(np.linalg.norm(centre))
-        return size * math.sqrt(max(rest + offset**2, 0.0)), size * offset
+        return RestSphere(size * math.sqrt(max(rest + offset**2, 0.0)), size * offset)
 
     @cached_property
     def swapped(self) -> Gravity | None:
@@ -225,7 +236,7 @@ class ReadingMeasures:
         if self.values is None or self.duration < SHORTEST:
             return None
         size = self.mean_force
-        if size > 0.5 * STANDARD_GRAVITY or G[0] <= size <= G[1]:
+        if size > 0.5 * STANDARD_GRAVITY or is_gravity_in_g(size):
             return None
         gravity = self.gravity(SLOW, exchange=True)
         is_gravity = abs(gravity.size / STANDARD_GRAVITY - 1.0) < 0.25

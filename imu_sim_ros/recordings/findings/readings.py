@@ -16,12 +16,13 @@ from imu_sim_ros.recordings.findings.measures import (
     ROUNDING,
     SHORTEST,
     SLOW,
-    G,
     ReadingMeasures,
+    is_gravity_in_g,
 )
 
-_MG: Final = (800.0, 1250.0)
-"""Gravity in mg."""
+_LOWEST_MG: Final = 800.0
+_HIGHEST_MG: Final = 1250.0
+"""Limits of gravity in mg."""
 _COUNTS: Final = 30.0
 """Gravity above which the readings are no m/s^2: accelerations that remain over ten seconds would
 have to change the velocity by 200 m/s."""
@@ -138,7 +139,7 @@ def _level(measures: ReadingMeasures) -> tuple[float, str, bool]:
 def accelerometer_g(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find an accelerometer in g, at rest or in motion."""
     size, text, certain = _level(measures)
-    if certain and G[0] <= size <= G[1]:
+    if certain and is_gravity_in_g(size):
         yield Evidence(f"{text} {size:.4g} instead of 9.81: it is in g")
 
 
@@ -150,7 +151,7 @@ def accelerometer_g(measures: ReadingMeasures) -> Iterator[Evidence]:
 def accelerometer_mg(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find an accelerometer in mg, at rest or in motion."""
     size, text, certain = _level(measures)
-    if certain and _MG[0] <= size <= _MG[1]:
+    if certain and _LOWEST_MG <= size <= _HIGHEST_MG:
         yield Evidence(f"{text} {size:.4g} instead of 9.81: it is in mg")
 
 
@@ -162,7 +163,7 @@ def accelerometer_mg(measures: ReadingMeasures) -> Iterator[Evidence]:
 def accelerometer_counts(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find an accelerometer in counts, at rest or in motion."""
     size, text, certain = _level(measures)
-    if certain and size > _COUNTS and not _MG[0] <= size <= _MG[1]:
+    if certain and size > _COUNTS and not _LOWEST_MG <= size <= _HIGHEST_MG:
         yield Evidence(f"{text} {size:.5g} instead of 9.81: it is in counts")
 
 
@@ -180,7 +181,7 @@ def gravity_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
         return
     limit = _ABSENT * STANDARD_GRAVITY
     size, text, certain = _level(measures)
-    if certain and (size >= limit or G[0] <= size <= G[1]):
+    if certain and (size >= limit or is_gravity_in_g(size)):
         return
     falls = f"; a free fall of {measures.duration:.3g} s would read the same"
     if measures.duration > SLOW and measures.mean_force < limit:
@@ -197,15 +198,18 @@ def gravity_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
 def gravity_size(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find an accelerometer at rest whose readings do not have the size of gravity."""
     gravity, sphere = measures.local_gravity, measures.rest_sphere
-    size, share = (measures.rest_force, _SIZE) if sphere is None else (sphere[0], _SCALE)
+    if sphere is None:  # one attitude: a bias cannot be told from a scale
+        size, tolerance = measures.rest_force, _SIZE
+    else:
+        size, tolerance = sphere.radius, _SCALE
     if size is None or not _ABSENT * gravity <= size <= _COUNTS:
-        return
-    if abs(size - gravity) > share * gravity:
+        return  # gravity is absent, or the unit is another one: findings of their own
+    if abs(size - gravity) > tolerance * gravity:
         reading = f"the accelerometer reads {size:.4g} m/s^2 instead of {gravity:.3g}"
         if sphere is None:
             yield Evidence(f"at rest {reading}")
         else:
-            bias = f"around a bias of {sphere[1]:.2g}"
+            bias = f"around a bias of {sphere.bias:.2g}"
             yield Evidence(f"in all attitudes at rest {reading}, {bias}")
 
 
@@ -214,7 +218,7 @@ def _upwards(measures: ReadingMeasures) -> Array | None:
     if measures.values is None or measures.duration < SHORTEST:
         return None
     size, _, certain = _level(measures)
-    absent = G[1] < size < _ABSENT * STANDARD_GRAVITY or size < G[0]
+    absent = size < _ABSENT * STANDARD_GRAVITY and not is_gravity_in_g(size)
     if not certain or absent or not measures.mean_force:
         return None
     direction: Array = measures.values[1].mean(axis=0) / measures.mean_force
