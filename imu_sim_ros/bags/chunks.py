@@ -41,16 +41,38 @@ class Chunk(NamedTuple):
     messages: Sequence[Indexed]
 
 
+class StoredTopic(NamedTuple):
+    """Messages of a topic in a chunk."""
+
+    topic: BagTopic
+    messages: int
+    """Number of the messages."""
+    first_ns: int
+    """Their earliest record time [ns]."""
+    last_ns: int
+    """Their latest record time [ns]."""
+
+
 class Stored(NamedTuple):
     """A chunk in the file."""
 
     position: int
+    """Offset of the chunk in the file."""
     sizes: Sequence[int]
     """Bytes of its parts: its head, its content, and the index of each topic."""
     whole: int
     """Bytes of its records, uncompressed."""
-    topics: Sequence[tuple[BagTopic, int, int, int]]
-    """Topics with their messages in it, and the first and the last time of these."""
+    topics: Sequence[StoredTopic]
+
+    @property
+    def first_ns(self) -> int:
+        """Earliest record time of its messages [ns]."""
+        return min(stored.first_ns for stored in self.topics)
+
+    @property
+    def last_ns(self) -> int:
+        """Latest record time of its messages [ns]."""
+        return max(stored.last_ns for stored in self.topics)
 
 
 class Simultaneous(NamedTuple):
@@ -188,8 +210,8 @@ class ChunkWriter(Writer):
         for topic in self.topics:
             topic.count, topic.first_ns, topic.last_ns = 0, NO_FIRST_NS, NO_LAST_NS
         for chunk in self._written:
-            for topic, *messages in chunk.topics:
-                topic.add(*messages)
+            for stored in chunk.topics:
+                stored.topic.add(stored.messages, stored.first_ns, stored.last_ns)
 
     def _wait(self) -> None:
         """Wait until the chunks so far are in the file."""
@@ -232,7 +254,10 @@ class ChunkWriter(Writer):
         """Write a chunk at the end of the file, and remember that everything is whole up to it."""
         position = self.file.position
         self.file.write(*parts)
-        topics = [(t, len(t_ns), int(t_ns.min()), int(t_ns.max())) for t, t_ns, _ in chunk.messages]
+        topics = [
+            StoredTopic(topic, len(t_ns), int(t_ns.min()), int(t_ns.max()))
+            for topic, t_ns, _ in chunk.messages
+        ]
         sizes = [len(part) for part in parts]
         self._written.append(Stored(position, sizes, len(chunk.records), topics))
         self._mark = (self.file.position, len(self._written))

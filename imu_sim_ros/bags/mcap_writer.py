@@ -207,20 +207,21 @@ class McapWriter(ChunkWriter):
         metadata_index = MetadataIndex(self.file.position, len(metadata), "rosbag2")
         self.file.write(metadata, _pack_record(DataEnd(0)))
         chunk_indexes = []
-        for position, (head, compressed, *indexes), size, topics in self._written:
-            channels = [topic.index + 1 for topic, *_ in topics]
-            begins = accumulate(indexes, initial=position + head + compressed)
+        for chunk in self._written:
+            head, compressed, *indexes = chunk.sizes
+            channels = [stored.topic.index + 1 for stored in chunk.topics]
+            begins = accumulate(indexes, initial=chunk.position + head + compressed)
             chunk_indexes.append(
                 ChunkIndex(
                     chunk_length=head + compressed,
-                    chunk_start_offset=position,
+                    chunk_start_offset=chunk.position,
                     compression=self._compression,
                     compressed_size=compressed,
-                    message_end_time=max(last_ns for *_, last_ns in topics),
+                    message_end_time=chunk.last_ns,
                     message_index_length=sum(indexes),
                     message_index_offsets=dict(zip(channels, begins, strict=False)),
-                    message_start_time=min(first_ns for _, _, first_ns, _ in topics),
-                    uncompressed_size=size,
+                    message_start_time=chunk.first_ns,
+                    uncompressed_size=chunk.whole,
                 )
             )
         filled = [topic for topic in self.topics if topic.count]

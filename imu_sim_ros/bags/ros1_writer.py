@@ -217,10 +217,12 @@ def _chunk_info(chunk: Stored) -> bytes:
     header = fields(
         chunk_pos=_u8(chunk.position),
         count=_u4(len(chunk.topics)),
-        end_time=_time(max(last_ns for *_, last_ns in chunk.topics)),
+        end_time=_time(chunk.last_ns),
         op=_u1(OP_CHUNK_INFO),
-        start_time=_time(min(first_ns for _, _, first_ns, _ in chunk.topics)),
+        start_time=_time(chunk.first_ns),
         ver=_u4(1),
     )
-    counts = b"".join(struct.pack("<II", topic.index, n) for topic, n, *_ in chunk.topics)
+    counts = b"".join(
+        struct.pack("<II", stored.topic.index, stored.messages) for stored in chunk.topics
+    )
     return header + _u4(len(counts)) + counts

@@ -279,7 +279,7 @@ class Rosbag2Folder(Bag):
 
     def _files_there(self) -> list[Path]:
         """Return the storage files that a folder has, and note how its metadata differ."""
-        files = _files_found(self.path)
+        files = _storage_files(self.path)
         try:
             listed = set(read_metadata(self.path))
         except InputError as error:
@@ -297,7 +297,7 @@ class Rosbag2Folder(Bag):
 
     def _listed_files(self) -> list[Path]:
         """Return the files that metadata.yaml lists; each must exist once."""
-        advice = f"; {recovery_advice()}" if _files_found(self.path) else ""
+        advice = f"; {recovery_advice()}" if _storage_files(self.path) else ""
         files = read_metadata(self.path, advice)
         if len(set(files)) != len(files):
             raise InputError(f"{self.path}: metadata.yaml lists a file twice")
@@ -351,18 +351,21 @@ def _current_form(file: Path) -> Path:
     return next(filter(is_present, forms), file)
 
 
-def _files_found(folder: Path) -> list[Path]:
-    """Return the storage files of a folder in the order of their numbers, each in one form."""
+def _storage_files(folder: Path) -> list[Path]:
+    """Return the storage files of a folder in the order of their numbers.
+
+    Of a file that is there both compressed and unpacked, the unpacked one is returned.
+    """
     files: dict[Path, Path] = {}
     for file in sorted(folder.iterdir(), key=lambda file: (len(file.name), file.name)):
         if stem(file).suffix in (".mcap", ".db3"):
             files.setdefault(stem(file), file)
 
-    def number(plain: Path) -> tuple[int, str]:
-        digits = re.search(r"_(\d+)$", plain.stem)
-        return (int(digits[1]) if digits else -1, plain.name)
+    def order(unpacked: Path) -> tuple[int, str]:
+        number = re.search(r"_(\d+)$", unpacked.stem)
+        return (int(number[1]) if number else -1, unpacked.name)
 
-    return [files[plain] for plain in sorted(files, key=number)]
+    return [files[unpacked] for unpacked in sorted(files, key=order)]
 
 
 def _merge_topics(topics: Collection[TopicInfo]) -> list[TopicInfo]:

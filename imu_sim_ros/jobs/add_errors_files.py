@@ -9,7 +9,7 @@ import shutil
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.outputs import Outputs, Target
-from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.read import Bag, TopicInfo, open_bag
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, topics_summary
 from imu_sim_ros.core import arguments
@@ -216,13 +216,7 @@ def add_errors_to_file(
             warnings.simplefilter("ignore")
             layer_error_model(layers, problems)
     if problems:
-        with problems.collect(), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            if has_topics(source_path):
-                with open_bag(source_path):
-                    pass
-            else:
-                next(reading_blocks(source_path, choice), None)
+        _add_source_problems(source_path, choice, problems)
     problems.tell()
     input_files = [source_path, *parameter_files(params_file), *layers.values()]
     written = outputs(force, discard_partial, input_files)
@@ -264,17 +258,10 @@ def add_errors_to_file(
                 if readings.type == ODOMETRY:
                     for line in twist_warnings(bag, readings, built.input.twist_frame):
                         journal.warn(line)
-                have = {resolve_topic(info.name) for info in bag.topics}
                 if is_text:  # a dataset's biases are those of the readings before
-                    left_out |= {resolve_topic(name) for name in added} & have - {readings.name}
-                if left_out - have:
-                    raise InputError(
-                        [
-                            unknown_name_line("topic", name, sorted(have))
-                            for name in sorted(left_out - have)
-                        ]
-                    )
-                copied = [info for info in bag.topics if resolve_topic(info.name) not in left_out]
+                    present = {resolve_topic(info.name) for info in bag.topics}
+                    left_out |= {resolve_topic(name) for name in added} & present - {readings.name}
+                copied = _topics_to_copy(bag, left_out)
                 if dataset:
                     copied = [info for info in copied if info.type != readings.type]
                 topic_names, renamed = names_in(bag, readings, copied, added, dict(form.renamed))
@@ -296,6 +283,29 @@ def add_errors_to_file(
                 )
     wall_s = time.perf_counter() - started
     return ErrorsAdded(path, messages, tally, wall_s, tuple(journal.lines), tuple(notes))
+
+
+def _add_source_problems(path: Path, choice: Choice, problems: Problems) -> None:
+    """Add the problem of a source that cannot be read to those of the arguments."""
+    with problems.collect(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if has_topics(path):
+            with open_bag(path):
+                pass
+        else:
+            next(reading_blocks(path, choice), None)
+
+
+def _topics_to_copy(bag: Bag, left_out: Collection[str]) -> list[TopicInfo]:
+    """Return the topics of a bag without those that are left out, by their absolute names.
+
+    :raises InputError: with a line for each topic to leave out that the bag does not have.
+    """
+    present = {resolve_topic(info.name) for info in bag.topics}
+    absent = sorted(set(left_out) - present)
+    if absent:
+        raise InputError([unknown_name_line("topic", name, sorted(present)) for name in absent])
+    return [info for info in bag.topics if resolve_topic(info.name) not in left_out]
 
 
 @dataclass(frozen=True)

@@ -549,10 +549,10 @@ def _recovery(bag: Bag) -> list[str]:
     count = len(bag.damage)
     if count > _SHOWN_DAMAGE:
         lines.append(f"{bag.path}: left out: and {count - _SHOWN_DAMAGE} more places")
-    lost = {0: "nothing is", 1: "1 range is"}.get(count, f"{count} ranges are")
+    ranges = "nothing is" if not count else "1 range is" if count == 1 else f"{count} ranges are"
     amounts = [f"{bag.lost_bytes} bytes"] if bag.lost_bytes else []
     amounts += [f"at least {bag.lost_messages} messages"] if bag.lost_messages else []
-    return [*lines, f"{bag.path}: {lost} left out{': ' if amounts else ''}{', '.join(amounts)}"]
+    return [*lines, f"{bag.path}: {ranges} left out{': ' if amounts else ''}{', '.join(amounts)}"]
 
 
 def _topics_without_table(

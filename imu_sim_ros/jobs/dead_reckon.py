@@ -508,7 +508,9 @@ def initial_condition(
         settings, gyro, accel, position=position, yaw=yaw, noise=noise
     )
     after_rest = recording.rows(slice(rest.stop - 1, None))
-    return InitialCondition(after_rest, *initial[:2], initial.rate, initial.covariance)
+    return InitialCondition(
+        after_rest, initial.state, initial.correction, initial.rate, initial.covariance
+    )
 
 
 def _max_gap(settings: IntegratorParameters, readings: Readings) -> float:

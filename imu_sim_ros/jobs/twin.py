@@ -449,20 +449,24 @@ def _build_twin(source: TwinRecording, fit: float | None) -> Twin:
     )
 
 
-def _check_likeness(source: TwinRecording, used: Recording, fit: Fit) -> None:
+def _check_likeness(source: TwinRecording, recording: Recording, fit: Fit) -> None:
     """Refuse readings that are not those of the truth's motion.
 
-    :raises InputError: if the truth explains too little of them.
+    Angular rates and their residuals by the fit are compared as means over windows, in which noise
+    counts little.
+
+    :param recording: readings (n, 6) of the fit, gyroscope first.
+    :raises InputError: if the truth explains too little of the angular rates.
     """
-    count = max(round(_SECONDS * used.rate), 1)
-    rows = len(used.stamps) // count * count
-    means = [
-        x[:rows, :3].reshape(-1, count, 3).mean(axis=1)
-        for x in (used.readings - fit.errors.bias, fit.residuals)
-    ]
-    variance, remaining = (float(np.sum(x**2)) for x in means)
-    if remaining > _LEFT * variance:
-        share = 100.0 * max(1.0 - remaining / variance, 0.0)
+    window = max(round(_SECONDS * recording.rate), 1)
+    rows = len(recording.stamps) // window * window
+    rates, residuals = (
+        columns[:rows, :3].reshape(-1, window, 3).mean(axis=1)
+        for columns in (recording.readings - fit.errors.bias, fit.residuals)
+    )
+    variance, remainder = float(np.sum(rates**2)), float(np.sum(residuals**2))
+    if remainder > _LEFT * variance:
+        share = 100.0 * max(1.0 - remainder / variance, 0.0)
         raise InputError(
             f"{source.name}: the truth explains {share:.0f} % of what the gyroscope reads: they "
             "are not of one flight, or farther apart in time than max_offset"

@@ -231,12 +231,16 @@ def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
 
 
 def _scale_points(axis: AxisResponse, triad: TriadTemperature, k: int) -> tuple[Array, Array]:
-    """Return the scale that single readings show, if the axis' own input is large."""
+    """Return the scale errors (m,) of single readings of axis k, and their T - T0 (m,) [K].
+
+    Readings with a small input along the axis show nothing of its scale, and are left out.
+    """
     response = triad.inputs @ axis.gain
-    large = np.abs(triad.inputs[:, k]) > 0.5 * np.max(np.abs(triad.inputs[:, k]))
-    scale = _polynomial(np.concatenate([[0.0], axis.scale]), triad.difference)
-    points = scale[large] + axis.residuals[large] / response[large]
-    return points, triad.difference[large]
+    inputs = np.abs(triad.inputs[:, k])
+    rows = inputs > 0.5 * np.max(inputs)
+    fitted_scale = _polynomial(np.concatenate([[0.0], axis.scale]), triad.difference)
+    scale = fitted_scale[rows] + axis.residuals[rows] / response[rows]
+    return scale, triad.difference[rows]
 
 
 def _polynomial(coefficients: Array, x: Array) -> Array:

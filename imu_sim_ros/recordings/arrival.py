@@ -35,7 +35,7 @@ _PHASES: Final = 40
 def even_times(
     t: Array, position: Array, q_wb: Array, log_step: float = 0.0
 ) -> tuple[Array, float, float]:
-    """Return times at which the poses may have been taken, the stamps' scatter, and the interval.
+    """Return the even times at which poses were taken whose stamps are those of their arrival.
 
     Poses are taken at an even rate, some are lost. Stamps of arrival scatter about the grid, and
     the motion over the grid's times is smoother than over the stamps'; else they stay as they are,
@@ -47,14 +47,16 @@ def even_times(
     :param q_wb: (n, 4) attitudes without jumps of sign.
     :param log_step: step of the log in which they stood several times, whose first stamps are late
         by up to this step [s]; 0: they stood once.
+    :returns: times (n,) of the poses [s], standard deviation of the stamps about them [s], and the
+        interval of the poses [s]; the stamps, 0 and 0 if nothing shows that they are of arrival.
     """
     interval = float(np.median(t[_SHORT:] - t[:-_SHORT])) / _SHORT
-    off = np.abs(np.diff(t) - interval) >= _LATE * interval
-    if not off.any() or (not log_step and off.mean() < 1.0 - _MOSTLY_EVEN):
+    is_uneven = np.abs(np.diff(t) - interval) >= _LATE * interval
+    if not is_uneven.any() or (not log_step and is_uneven.mean() < 1.0 - _MOSTLY_EVEN):
         return t, 0.0, 0.0
     if log_step:  # the time between two first stamps is a whole number of its steps
-        needed = int(np.ceil(_ROUNDED * 0.5 * log_step / (_REACH * interval)))
-        span = min(max(_SHORT, needed), len(t) // 2)
+        least_span = int(np.ceil(_ROUNDED * 0.5 * log_step / (_REACH * interval)))
+        span = min(max(_SHORT, least_span), len(t) // 2)
         interval = float(np.median(t[span:] - t[:-span])) / span
     index = _grid_index(t / _even_interval(t, interval))
     interval = float(np.polyfit(index, t, 1)[0])
@@ -64,8 +66,8 @@ def even_times(
     scatter = float(np.std(t - even))
     if log_step and np.ptp(t - even) < _ROUNDED * log_step and np.all(np.diff(even) > 0.0):
         return even, scatter, interval
-    likely = _LATE * interval < scatter < _LATEST * interval
-    if not likely or np.any(np.diff(even) <= 0.0):
+    is_arrival = _LATE * interval < scatter < _LATEST * interval
+    if not is_arrival or np.any(np.diff(even) <= 0.0):
         return t, 0.0, 0.0
     stamp_residuals, even_residuals = residuals(t, position, q_wb), residuals(even, position, q_wb)
     if even_residuals.median < _BETTER * stamp_residuals.median:

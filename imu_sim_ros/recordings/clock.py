@@ -68,6 +68,8 @@ _MOST_INTERVALS: Final = 8192
 """Intervals that the search tries."""
 _CONTRADICTION: Final = 3.0
 """Losses that one stamp too early for an interval outweighs."""
+_MARGIN: Final = 0.02
+"""Share by which the search goes beyond the mean interval, and a strip beyond the rounding."""
 _MOST_LOST: Final = 0.4
 """Largest share of lost samples that the search allows for."""
 SHORT: Final = 0.25
@@ -338,13 +340,17 @@ def _interval_of_fewest_losses(rows: Integers, heads: Times, unit_ns: float, mea
     For each of many intervals the stamps are followed in a strip as wide as the rounding: a stamp
     beyond its upper end has losses before it; one beyond its lower end contradicts the interval.
 
+    :param rows: (k,) rows of the first stamps of batches; ``heads``: (k,) these stamps [ns].
+    :param unit_ns: unit to which the stamps are rounded [ns].
     :param mean: duration over the number of stamps [ns]; losses make it longer than the interval.
     """
     steps, counts = np.diff(heads[: _SEARCHED + 1]), np.diff(rows[: _SEARCHED + 1])
     # The slope must be known to a fraction of an interval over all of the stamps.
-    number = int((_MOST_LOST + 0.02) * 5.0 * counts.sum())
-    intervals = mean * np.linspace(1.0 - _MOST_LOST, 1.02, min(number, _MOST_INTERVALS))
-    width = np.minimum(unit_ns / intervals, 1.0) + 0.02
+    number = int((_MOST_LOST + _MARGIN) * 5.0 * counts.sum())
+    shares = np.linspace(1.0 - _MOST_LOST, 1.0 + _MARGIN, min(number, _MOST_INTERVALS))
+    intervals = mean * shares
+    width = np.minimum(unit_ns / intervals, 1.0) + _MARGIN
+    # For each interval, in intervals: lateness of the stamp, and limits of the strip about it.
     late, low, high, cost = np.zeros((4, len(intervals)))
     for step, count in zip(steps.tolist(), counts.tolist(), strict=True):
         late += step / intervals - count
@@ -407,13 +413,15 @@ class Losses:
         self.interval_ns = pattern.interval_ns
         """[ns]; of coarse rounding followed over all stamps."""
         self.longest = longest_loss(pattern.interval_ns)
-        """So many missing samples in a row are a loss; more are a pause."""
+        """Largest number of missing samples in a row that is a loss; more are a pause."""
         self.last_ns: int | None = None
         """The latest stamp."""
         self._head_ns, self._head_rows = 0, 0
+        """First stamp of the latest batch [ns], and the batch's readings so far."""
         self._late = np.nan
         self._strip = Strip(pattern.error + _SLACK)
         self._partial = pattern.bunch_ns >= 0.0
+        """True if the latest batch may have begun before the recording, or within a pause."""
         self.passed = np.zeros(2)
         """Time [ns] and intervals between the first stamps of batches, pauses apart."""
         self.deviations = np.zeros(3)
@@ -430,7 +438,11 @@ class Losses:
         return missing
 
     def _count(self, t_ns: Times) -> Integers:
-        """Return the number of readings (n,) missing before each of n stamps."""
+        """Return the number of readings (n,) missing before each of n stamps.
+
+        Stamps of one batch are alike, so only the steps between the first stamps of batches,
+        ``heads``, are compared with the readings between them.
+        """
         missing = np.zeros(len(t_ns), dtype=np.int64)
         heads = self.pattern.heads(t_ns)
         if self.last_ns is None:
@@ -445,6 +457,7 @@ class Losses:
         rows = np.diff(heads, prepend=-self._head_rows)
         steps = np.diff(t_ns[heads], prepend=self._head_ns)
         self._head_ns, self._head_rows = int(t_ns[heads[-1]]), len(t_ns) - int(heads[-1])
+        # Intervals of each step beyond those of its readings.
         excess = steps / self.interval_ns
         excess -= rows
         partial = np.zeros(len(steps), dtype=np.bool_)

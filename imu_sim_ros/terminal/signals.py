@@ -92,8 +92,13 @@ def ignore_signals() -> None:
 
 @contextmanager
 def raise_signals() -> Iterator[None]:
-    """Let signals raise :class:`Interrupted` in the main thread."""
+    """Let signals raise :class:`Interrupted` in the main thread during a block.
+
+    A signal within code that must not be broken off is tried again by a timer. While an exception
+    cleans up, further signals wait. An exception that a destructor swallowed is raised again.
+    """
     global _begun, _is_raised
+    # Time of the first signal, and that until which the clean-up may last [s]; 0: there is none.
     first_time = end = 0.0
 
     def interrupt(number: int, frame: FrameType | None) -> None:

@@ -154,7 +154,7 @@ class Layout(NamedTuple):
 
         :param names: names of fields; with :data:`FIRST` behind it the first number alone.
         """
-        form, end = "<", 0
+        form, end = "<", 0  # for each field the bytes before it, and its numbers: 36x3d
         for start, stop, code in self._spans(names):
             form += f"{start - end}x{code}"
             end = stop

@@ -217,18 +217,22 @@ class Translation:
             {n.lower() for n, _ in store.fielddefs[name][1]} for store in self._stores
         )
         lost, added = sorted(source_fields - target_fields), sorted(target_fields - source_fields)
-        changes = [f"{', '.join(lost)} left out"] * bool(lost)
-        changes += [f"{', '.join(added)} 0 or empty"] * bool(added)
-        own_lines = [
-            f"{ros1_name(name)} of {_NAMES[self._encoding]} is another one: {'; '.join(changes)}"
-        ]
+        changes = []
+        if lost:
+            changes.append(f"{', '.join(lost)} left out")
+        if added:
+            changes.append(f"{', '.join(added)} 0 or empty")
+        generation = _NAMES[self._encoding]
+        lines = []
+        if changes:
+            lines.append(f"{ros1_name(name)} of {generation} is another one: {'; '.join(changes)}")
         parts = {
             part for _, kind in self.target_types.fielddefs[name][1] if (part := _nested_type(kind))
         }
         shared_types = sorted(parts & self._types.fielddefs.keys() - {name})
-        return own_lines * bool(changes) + [
-            line for part in shared_types for line in self.differences(part)
-        ]
+        for part in shared_types:
+            lines += self.differences(part)
+        return lines
 
     @property
     def _stores(self) -> "tuple[Typestore, Typestore]":

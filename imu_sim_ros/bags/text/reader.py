@@ -323,7 +323,9 @@ class _Table(RowReader):
         elif self.bad.rows:
             skipped(self.bad.rows)
         if not count:
-            raise InputError(f"{self.path}: contains no {'usable ' * bool(self.bad.rows)}rows")
+            raise InputError(
+                f"{self.path}: contains no {'usable rows' if self.bad.rows else 'rows'}"
+            )
 
     def layout_of(self, rows: list[Row]) -> TableLayout:
         """Return the layout of the table, and remove its header from its first rows."""

@@ -188,7 +188,7 @@ def _table(path: Path, skipped: Skipped | None) -> tuple[Integers, Array, Intege
     elif bad.rows:
         skipped(bad.rows)
     if not good.any():
-        raise InputError(f"{path}: contains no {'usable ' * bool(bad.rows)}rows")
+        raise InputError(f"{path}: contains no {'usable rows' if bad.rows else 'rows'}")
     return t_ns[good], table[good], numbers_of_lines[good]
 
 

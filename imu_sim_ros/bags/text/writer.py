@@ -225,16 +225,19 @@ class Dataset:
             self._close(kind)
 
     def _close(self, kind: type[BaseException] | None) -> None:
-        """Finish all files; after an error they keep partial names, after a signal whole rows."""
-        files = self._open
-        for file in files:
+        """Finish all files; after an error they keep partial names, after a signal whole rows.
+
+        :param kind: type of the exception that ended the block; None: it ended as it should.
+        """
+        tables = self._open
+        for table in tables:
             if kind is not None:
-                file.cut()
+                table.cut()
             if kind is None or (self.rows and not issubclass(kind, Exception)):
-                file.file.finish()
+                table.file.finish()
             else:
-                file.file.abandon(empty=not any(table_file.rows for table_file in files))
-        if kind is not None and not any(file.rows for file in files) and self.path.is_dir():
+                table.file.abandon(empty=not any(written.rows for written in tables))
+        if kind is not None and not any(table.rows for table in tables) and self.path.is_dir():
             shutil.rmtree(self.path)
 
 

@@ -65,9 +65,13 @@ class Timestamps:
         self._offsets[topic] = stamp_offset
 
     def messages(self, topic: str, batch: Iterable[Taken]) -> list[Message]:
-        """Return the messages of one topic with their times."""
+        """Return the messages of one topic with their record times.
+
+        They are those of the reception, or those of the stamps in order; without a stamp the latest
+        one of the topic.
+        """
         offset = self._offsets[topic]
-        result: list[Message] = []
+        messages: list[Message] = []
         for payload, info in batch:
             stamp_ns = _stamp_ns(payload, offset)
             if self._by_reception:
@@ -77,8 +81,8 @@ class Timestamps:
                 t_ns = self._now(info) if latest_ns is None else latest_ns
             else:
                 t_ns = self._record_times.of(topic, stamp_ns)
-            result.append(Message(topic, t_ns, payload, stamp_ns))
-        return result
+            messages.append(Message(topic, t_ns, payload, stamp_ns))
+        return messages
 
     def _now(self, info: dict[str, int]) -> int:
         """Return the record time of a message [ns]: simulated time, or that of reception."""

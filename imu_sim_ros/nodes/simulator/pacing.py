@@ -69,10 +69,11 @@ class Stall(NamedTuple):
     """A stall that is over."""
 
     late_ns: int
-    """Lateness of the first sample."""
+    """Lateness of the first sample [ns]."""
     samples: int
     """Number of samples published late, or skipped."""
     skipped: bool
+    """True if the samples were skipped."""
 
 
 class Pacer:

@@ -25,9 +25,11 @@ class Piece(NamedTuple):
     """Messages of one topic."""
 
     times: Times
-    """(m,) when each is due [ns], never decreasing."""
+    """(m,) times at which the messages are due [ns], never decreasing."""
     send: Send
+    """Function that publishes a message."""
     payloads: Sequence[bytes]
+    """The m messages."""
 
 
 class Stream(Protocol):
