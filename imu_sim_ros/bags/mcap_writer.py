@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from imu_sim_ros.bags.chunks import Chunk, ChunkWriter
+from imu_sim_ros.bags.chunks import Chunk, ChunkWriter, Stored
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.writer import ROS_DISTRO, BagTopic, rosbag2_metadata
@@ -24,7 +24,7 @@ from imu_sim_ros.core.types import Times
 from imu_sim_ros.core.yaml_output import as_yaml
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, McapRecord
+    from mcap.records import Channel, ChunkIndex, McapRecord, Statistics
     from mcap.records import Schema as SchemaRecord
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -188,15 +188,7 @@ class McapWriter(ChunkWriter):
         """Write the end of the data, the summary with all indexes, and the footer."""
         from mcap.data_stream import RecordBuilder
         from mcap.opcode import Opcode
-        from mcap.records import (
-            ChunkIndex,
-            DataEnd,
-            Footer,
-            Metadata,
-            MetadataIndex,
-            Statistics,
-            SummaryOffset,
-        )
+        from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, SummaryOffset
 
         # What rosbag2 stores in each of its files. Jazzy reads the first entry; the second is that
         # of Humble and Iron.
@@ -206,44 +198,14 @@ class McapWriter(ChunkWriter):
         metadata = _pack_record(Metadata(name="rosbag2", metadata=entries))
         metadata_index = MetadataIndex(self.file.position, len(metadata), "rosbag2")
         self.file.write(metadata, _pack_record(DataEnd(0)))
-        chunk_indexes = []
-        for chunk in self._written:
-            head, compressed, *indexes = chunk.sizes
-            channels = [stored.topic.index + 1 for stored in chunk.topics]
-            begins = accumulate(indexes, initial=chunk.position + head + compressed)
-            chunk_indexes.append(
-                ChunkIndex(
-                    chunk_length=head + compressed,
-                    chunk_start_offset=chunk.position,
-                    compression=self._compression,
-                    compressed_size=compressed,
-                    message_end_time=chunk.last_ns,
-                    message_index_length=sum(indexes),
-                    message_index_offsets=dict(zip(channels, begins, strict=False)),
-                    message_start_time=chunk.first_ns,
-                    uncompressed_size=chunk.whole,
-                )
-            )
-        filled = [topic for topic in self.topics if topic.count]
-        statistics = Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts={topic.index + 1: topic.count for topic in filled},
-            chunk_count=len(self._written),
-            message_count=self.count,
-            message_end_time=max((topic.last_ns for topic in filled), default=0),
-            message_start_time=min((topic.first_ns for topic in filled), default=0),
-            metadata_count=1,
-            schema_count=len(self._schemas),
-        )
         summary_start = self.file.position
         builder = RecordBuilder()
         offsets = []
         for opcode, records in (
             (Opcode.SCHEMA, list(self._schemas.values())),
             (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, chunk_indexes),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, [self._chunk_index(chunk) for chunk in self._written]),
             (Opcode.METADATA_INDEX, [metadata_index]),
         ):
             start = builder.count
@@ -259,6 +221,42 @@ class McapWriter(ChunkWriter):
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, summary_start, offset_start)
         crc = zlib.crc32(footer, zlib.crc32(summary))
         self.file.write(summary, _pack_record(Footer(summary_start, offset_start, crc)), MAGIC)
+
+    def _chunk_index(self, chunk: Stored) -> "ChunkIndex":
+        """Return the record that tells where a chunk and the indexes behind it are."""
+        from mcap.records import ChunkIndex
+
+        head, compressed, *indexes = chunk.sizes
+        channels = [stored.topic.index + 1 for stored in chunk.topics]
+        index_offsets = accumulate(indexes, initial=chunk.position + head + compressed)
+        return ChunkIndex(
+            chunk_length=head + compressed,
+            chunk_start_offset=chunk.position,
+            compression=self._compression,
+            compressed_size=compressed,
+            message_end_time=chunk.last_ns,
+            message_index_length=sum(indexes),
+            message_index_offsets=dict(zip(channels, index_offsets, strict=False)),
+            message_start_time=chunk.first_ns,
+            uncompressed_size=chunk.whole,
+        )
+
+    def _statistics(self) -> "Statistics":
+        """Return the record with the numbers of messages, and their first and last time."""
+        from mcap.records import Statistics
+
+        filled = [topic for topic in self.topics if topic.count]
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts={topic.index + 1: topic.count for topic in filled},
+            chunk_count=len(self._written),
+            message_count=self.count,
+            message_end_time=max((topic.last_ns for topic in filled), default=0),
+            message_start_time=min((topic.first_ns for topic in filled), default=0),
+            metadata_count=1,
+            schema_count=len(self._schemas),
+        )
 
 
 def _pack_record(record: "McapRecord") -> bytes:

@@ -500,11 +500,11 @@ def run_parameters(
     )
     if arguments.boolean("robust", robust):
         layers["trajectory.robust"] = True
-    asked = []
+    switched_on = []
     for kind, switch in switches().items():
         if arguments.boolean(switch.name, layers.pop(switch.name, False)):
             layers[f"{kind}.{switch.parameter}"] = True
-            asked.append(kind)
+            switched_on.append(kind)
     if scene is not None:
         from imu_sim_ros.sensors.camera.rig_parameters import scene_layer  # most runs have none
 
@@ -517,19 +517,42 @@ def run_parameters(
             layers = _on_segments(segments, motion_file) | layers
     values = {**file_values, **scene_values, **layers}
     for kind in ("camera", *switchable_sensors()):
-        option = "cameras" if kind == "camera" else kind
-        value, presets = cameras if kind == "camera" else values.pop(kind, ()), list[object]()
+        option, sources = ("cameras", cameras) if kind == "camera" else (kind, values.pop(kind, ()))
+        presets: list[object] = []
         with problems.collect(hanging="cam" if kind == "camera" else f"{kind}."):
-            presets = [
-                preset is True
-                or str(arguments.path(option, preset, "a name, the path of a file, or several"))
-                for preset in (value if isinstance(value, list | tuple) else [value])
-            ]
-        if kind in asked and not presets:
+            presets = _sensor_presets(option, sources)
+        if kind in switched_on and not presets:
             presets = [True]
         if presets:
             values = join_layers(values, name_sensors(kind, presets))
     values |= overrides
+    _note_values_without_effect(journal, values, file_values, imu)
+    return values, motion
+
+
+def _sensor_presets(option: str, sources: object) -> list[object]:
+    """Return the preset or file of each sensor of a kind; True: the usual one.
+
+    :param option: argument that lists the sensors.
+    :param sources: its value: one entry, or several.
+    :raises ConfigurationError: for an entry that is neither True nor a name or path.
+    """
+    entries = sources if isinstance(sources, list | tuple) else [sources]
+    allowed = "a name, the path of a file, or several"
+    return [entry is True or str(arguments.path(option, entry, allowed)) for entry in entries]
+
+
+def _note_values_without_effect(
+    journal: Journal,
+    values: Mapping[str, object],
+    file_values: Mapping[str, object],
+    imu: object,
+) -> None:
+    """Note the parameters of a live node, and those by which a file overrides a preset.
+
+    :param values: all parameters of the run by dotted name; ``file_values``: those of its files.
+    :param imu: argument of the run; a name or path: the preset.
+    """
     node_parameters = dict.fromkeys(
         name.partition("./")[0] for name in live_parameter_names(values)
     )
@@ -542,7 +565,6 @@ def run_parameters(
             f"{argument_prefix('imu', str(imu))} is the base of the parameter file; "
             f"the values of the file take precedence: {', '.join(overridden[:3])}{further}"
         )
-    return values, motion
 
 
 def _has_segments(segments: object) -> bool:

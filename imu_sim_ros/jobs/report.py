@@ -288,6 +288,11 @@ def _poses_alone(sources: Sources, path: Path) -> States | None:
     return None
 
 
+def _read_named(path: Path, topic: str | None, name: str, skip_bad_rows: bool) -> States:
+    """Return the poses of a file, or of a topic of a bag, under a name for the page."""
+    return replace_fields(read_trajectory(path, topic, True, skip_bad_rows), source=name)
+
+
 def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     """Return the sections of a bag: its streams, its truth and its estimates.
 
@@ -300,10 +305,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     from imu_sim_ros.reports.gnss import gnss_sections
     from imu_sim_ros.reports.sensors import sensor_sections
 
-    def read(source: Path, topic: str | None, name: str) -> States:
-        states = read_trajectory(source, topic, True, sources.skip_bad_rows)
-        return replace_fields(states, source=name)
-
+    skips = sources.skip_bad_rows
     truth: States | None = None
     estimates: list[States] = []
     flights: list[TruthWithEstimates] = []
@@ -315,20 +317,23 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
         if poses is not None:
             if poses.skipped:
                 tell_skipped(path)(poses.skipped)
-            estimates.append(sort_poses(poses, sources.skip_bad_rows))
+            estimates.append(sort_poses(poses, skips))
         elif not has_topics(path):
-            truth = read(path, None, "truth") if has_truth(path) else None
+            truth = _read_named(path, None, "truth", skips) if has_truth(path) else None
         else:
             topics = odometry_topics(path)
             truths = _separate_truths(topics)
             for topic in topics:
                 if truth_name is not None and topic.strip("/") == truth_name.strip("/"):
-                    truth = read(path, topic, f"truth ({topic})")
-                elif topic in truths:
-                    separate = read(path, truths[topic], f"truth ({truths[topic]})")
-                    flights.append(TruthWithEstimates(topic, separate, [read(path, topic, topic)]))
+                    truth = _read_named(path, topic, f"truth ({topic})", skips)
+                elif topic in truths:  # an estimate with a truth of its own
+                    topic_truth = _read_named(
+                        path, truths[topic], f"truth ({truths[topic]})", skips
+                    )
+                    estimate = _read_named(path, topic, topic, skips)
+                    flights.append(TruthWithEstimates(topic, topic_truth, [estimate]))
                 elif topic not in truths.values():
-                    estimates.append(read(path, topic, topic))
+                    estimates.append(_read_named(path, topic, topic, skips))
             if sources.truth_topic and truth is None:
                 raise InputError(
                     f"{path}: {argument_prefix('truth_topic', sources.truth_topic)}: no such "
@@ -337,8 +342,8 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
             sensors = gnss_sections(path) + sensor_sections(path) + cloud_sections(path)
     for file in files:
         with problems.collect():
-            estimates.append(read(file, None, file.name))
-    skipped = tell_skipped(path) if sources.skip_bad_rows else None
+            estimates.append(_read_named(file, None, file.name, skips))
+    skipped = tell_skipped(path) if skips else None
     readings: list[Section] = []
     with problems.collect():
         if poses is None:
@@ -346,8 +351,8 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     problems.tell()
     if truth is not None or estimates:
         flights.insert(0, TruthWithEstimates("motion", truth, estimates))
-    answers = estimate_sections(path, flights)
-    return [*answers, _findings(sources, path, files), *readings, *sensors]
+    comparisons = estimate_sections(path, flights)
+    return [*comparisons, _findings(sources, path, files), *readings, *sensors]
 
 
 def _findings(sources: Sources, path: Path, files: Sequence[Path]) -> Section:

@@ -125,8 +125,36 @@ class StampPattern(NamedTuple):
         return min(1.0, self.unit_ns / self.interval_ns)
 
 
+def _refine_interval(
+    pattern: StampPattern, t_ns: Times, rows: Integers
+) -> tuple[StampPattern, Integers]:
+    """Return a pattern of coarse stamps with the interval by the losses, and the losses.
+
+    Losses and interval depend on each other; they settle in two or three rounds.
+
+    :param rows: (k,) rows of the first stamps of batches.
+    :returns: the pattern, and the readings (k - 1,) missing between these stamps.
+    """
+    heads = t_ns[rows]
+    counts, steps = np.diff(rows), np.diff(heads)
+    missing = np.zeros(len(counts), np.int64)
+    for _ in range(3):
+        missing = Losses(pattern).count(t_ns)[rows[1:]]
+        if not missing.any():
+            break
+        interval = _interval_by_count(steps, counts + missing, pattern.interval_ns)
+        if missing.max() <= longest_loss(interval):
+            numbers = np.append(0, np.cumsum(counts + missing))
+            interval = _line(numbers, heads)[0]
+        pattern = pattern._replace(interval_ns=interval)
+    return pattern, missing
+
+
 def find_pattern(t_ns: Times) -> StampPattern:
     """Return the pattern of stamps of one stretch of time, of which the first 65,536 are used.
+
+    Stamps may be shared by the readings of a batch, jitter, or be rounded to a unit as coarse as
+    the interval; readings may be missing. All that follows is about the first stamps of batches.
 
     :param t_ns: (n,) stamps in order [ns].
     :raises InputError: for fewer than two different stamps.
@@ -144,7 +172,6 @@ def find_pattern(t_ns: Times) -> StampPattern:
         heads = t_ns[rows]
     if bunch_ns >= 0.0 and len(rows) > 2:
         rows, heads = rows[1:], heads[1:]  # the first batch may have begun before the recording
-    begin = int(rows[0])
     counts, steps = np.diff(rows), np.diff(heads)
     unit_ns = _unit(steps)
     mean = float(steps.sum() / counts.sum())
@@ -166,16 +193,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
             lined = _interval_of_fewest_losses(rows, heads, unit_ns, mean)
         if lined is not None:
             pattern = StampPattern(lined, unit_ns, bunch_ns, True, True)
-            missing = np.zeros(len(counts), np.int64)
-            for _ in range(3):
-                missing = Losses(pattern).count(t_ns)[begin:][rows[1:] - rows[0]]
-                if not missing.any():
-                    break
-                interval = _interval_by_count(steps, counts + missing, pattern.interval_ns)
-                if missing.max() <= longest_loss(interval):
-                    numbers = np.append(0, np.cumsum(counts + missing))
-                    interval = _line(numbers, heads)[0]
-                pattern = pattern._replace(interval_ns=interval)
+            pattern, missing = _refine_interval(pattern, t_ns, rows)
             # Nearly as many losses on a grid without rounding are more likely.
             if clear is None or missing.sum() < _SIMPLER * clear.sum():
                 return pattern
@@ -183,7 +201,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
             interval = _interval_by_count(steps, counts + clear, typical)
             return StampPattern(interval, unit_ns, bunch_ns, False, True)
     pattern = StampPattern(interval, unit_ns, bunch_ns, False, False)
-    missing = Losses(pattern).count(t_ns)[begin:][rows[1:] - rows[0]]
+    missing = Losses(pattern).count(t_ns)[rows[1:]]
     regular = missing <= longest_loss(interval)
     total = (counts + missing)[regular].sum()
     if total:

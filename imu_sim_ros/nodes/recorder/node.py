@@ -300,20 +300,12 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         """Print the recorded topics, and losses according to the stamps."""
         recording = self.recording
         rows = [_row(topic) for topic in recording.topics.values()]
-        where = str(self.output)
         if rows:
-            header = (
-                "topic",
-                "messages",
-                "rate Hz",
-                "gaps",
-                "missing",
-                "duplicates",
-                "out of order",
-            )
-            print_table(header, rows, where)
+            header = ["topic", "messages", "rate Hz"]
+            header += ["gaps", "missing", "duplicates", "out of order"]
+            print_table(header, rows, str(self.output))
         else:
-            print(f"{where}: no message was recorded", flush=True)
+            print(f"{self.output}: no message was recorded", flush=True)
         for topic in recording.topics.values():
             if topic.stamped and topic.unset:
                 print(
@@ -333,7 +325,13 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 f"recorder: {recording.broken} malformed messages skipped",
                 file=sys.stderr,
             )
-        for name, reason in {**self._refused, **recording.refused}.items():
+        self._report_missing_topics()
+        if recording.failed:
+            print(f"recorder: {_remaining_files(recording.files)}", file=sys.stderr)
+
+    def _report_missing_topics(self) -> None:
+        """Print the topics that were not recorded, or not wholly."""
+        for name, reason in {**self._refused, **self.recording.refused}.items():
             print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
         for name in self._silent_topics():
             reason = "its publisher sent no message" if name in self._qos else "it had no publisher"
@@ -350,8 +348,6 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 f"{self._types[name]}",
                 file=sys.stderr,
             )
-        if recording.failed:
-            print(f"recorder: {_remaining_files(recording.files)}", file=sys.stderr)
 
 
 def _remaining_files(files: Sequence[Path]) -> str:
