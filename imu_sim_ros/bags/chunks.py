@@ -341,7 +341,9 @@ def _prepend(records: bytes, chunk: Chunk) -> Chunk:
 def merge_tables(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
     """Return rows of tables by time; of equal times those of the first table first.
 
-    Consecutive rows of one table are copied at once.
+    Consecutive rows of one table, a run, are copied at once.
+
+    :param tables: records of each table, and the rows that are taken.
     """
     times = [table.t_ns[rows] for table, rows in tables]
     content = [interleave(table.rows, rows) for table, rows in tables]
@@ -352,18 +354,21 @@ def merge_tables(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
     else:
         counts = [len(t_ns) for t_ns in times]
         order = time_order(times)
+        # For each row of the chunk: index of its table, row in that table, end in the chunk.
         owner = np.repeat(np.arange(len(tables)), counts)[order]
         row = order - np.cumsum([0, *counts[:-1]])[owner]
         ends = np.cumsum(widths[owner])
         positions = [(ends - widths[owner])[owner == k] for k in range(len(tables))]
+        # For each run: its first row, its table, and its bytes in that table.
         starts = np.flatnonzero(np.concatenate([[True], owner[1:] != owner[:-1]]))
+        last_rows = np.append(starts[1:], len(owner)) - 1
         sources = owner[starts]
-        piece_begins = (row[starts] * widths[sources]).tolist()
-        piece_ends = ((row[np.append(starts[1:], len(owner)) - 1] + 1) * widths[sources]).tolist()
+        run_begins = (row[starts] * widths[sources]).tolist()
+        run_ends = ((row[last_rows] + 1) * widths[sources]).tolist()
         memory = [memoryview(rows.reshape(-1).data) for rows in content]
-        pieces = zip(sources.tolist(), piece_begins, piece_ends, strict=True)
-        joined = b"".join([memory[k][begin:end] for k, begin, end in pieces])
-        records = np.frombuffer(joined, np.uint8)
+        runs = zip(sources.tolist(), run_begins, run_ends, strict=True)
+        record_bytes = b"".join([memory[k][begin:end] for k, begin, end in runs])
+        records = np.frombuffer(record_bytes, np.uint8)
     messages = []
     for (table, _), t_ns, offsets in zip(tables, times, positions, strict=True):
         for topic, size in table.topics:

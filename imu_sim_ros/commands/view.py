@@ -120,7 +120,7 @@ def _fill(
     truth: str | None,
     paths: Mapping[str, States],
 ) -> JsonObject:
-    """Add all that the inputs hold; returns how much it is.
+    """Add the contents of the inputs to a view; return their numbers by kind, and the notes.
 
     :param truth, paths: as :func:`_paths` returns them.
     """

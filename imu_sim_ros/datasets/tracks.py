@@ -86,7 +86,7 @@ class TrackFiles:
         self._t0_ns = world.t0_ns
         self._tables = Tables()
         self._moving = scene.crowd is not None
-        header = TRACKS_HEADER + BODY_COLUMN * self._moving
+        header = TRACKS_HEADER + BODY_COLUMN if self._moving else TRACKS_HEADER
         self.tracks = self._tables.csv(folder / "tracks.csv", header)
         self._arrays = self._tables.npz(folder / "tracks.npz")
         self.lines = None

@@ -394,7 +394,7 @@ def evaluate(
     alignment = None if align == "none" else align
     rpe_deltas = _deltas("rpe", rpe)
     skip = boolean("skip_bad_rows", skip_bad_rows)
-    unfit = {
+    trajectory_arguments = {
         "align": alignment,
         "tracks": tracks,
         "time_offset": time_offset or None,
@@ -409,14 +409,14 @@ def evaluate(
             has_truth(checked_path("truth", truth, BAG_OR_FILE))
     problems.tell()
     if table is not None:
-        _refuse_all(unfit, f"omitted: {estimate_topic} is no trajectory")
+        _refuse_all(trajectory_arguments, f"omitted: {estimate_topic} is no trajectory")
         recording = (truth, truth_topic)
         return _compare_measurements(
             table, (estimate, str(estimate_topic)), recording, max_gap, imu, skip
         )
     _refuse_all({"imu": imu}, "omitted: it is about recorded orientations")
     if is_attitude_estimate(estimate):
-        _refuse_all(unfit, "omitted: attitudes alone have no positions")
+        _refuse_all(trajectory_arguments, "omitted: attitudes alone have no positions")
         true = _track("truth", truth, truth_topic, skip)
         return evaluate_attitude(estimate, true, max_gap)
     with problems.collect():

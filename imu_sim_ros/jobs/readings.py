@@ -263,13 +263,15 @@ def check_sensors(names: Collection[str], parameters: Mapping[str, object]) -> f
             try:
                 find_sensor(kind_of(name, parameters))
             except ConfigurationError as error:
-                everything = [
+                known_names = [
                     *quantities,
                     *switchable_sensors(),
                     *(sensor.name for sensor in registered_sensors()),
                 ]
-                missing = f"sensors: {name!r}: {suggestion(name, everything)}"
-                unknown += error.problems if "loaded" in str(error) else [missing]
+                # The sensor of another package that cannot be loaded has its own reason.
+                is_broken = "loaded" in str(error)
+                line = f"sensors: {name!r}: {suggestion(name, known_names)}"
+                unknown += error.problems if is_broken else [line]
     if unknown:
         raise ConfigurationError(unknown)
     return frozenset(chosen)

@@ -348,8 +348,7 @@ def argument_layers(
     values.update({name: value for name, value in scalars.items() if value is not None})
     problems += [
         f"{argument_prefix(name, f'{scalars[name]:g}')} and parameter {name} = {overrides[name]}: "
-        "two "
-        "values; give one of them"
+        "two values; give one of them"
         for name in scalars
         if name in overrides
         and isinstance(scalars[name], int | float)
@@ -393,11 +392,14 @@ def _parameters_of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
 
 
 class GivenMotion(NamedTuple):
-    """The meaning of a trajectory argument."""
+    """Motion that an argument ``trajectory`` describes: parameters, poses or an object."""
 
     parameters: Mapping[str, object]
+    """Parameters of the trajectory by dotted name."""
     pose_reader: PoseReader = poses_of_any_file
+    """Function that returns the recorded poses of ``trajectory.file``."""
     trajectory: Trajectory | None = None
+    """Trajectory of the user; None: the parameters describe it."""
 
 
 def _motion(trajectory: object) -> GivenMotion:

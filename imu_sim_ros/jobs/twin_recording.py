@@ -175,8 +175,10 @@ def spline_recording(
     skip_bad_rows: bool,
     selection: Selection = NOTHING,
 ) -> TwinRecording:
-    """Return readings on the spline through their truth.
+    """Return readings on the spline through their truth, at the time offset that fits best.
 
+    :param cutoff: highest frequency of the spline [Hz]; less if the poses do not show as much.
+    :param max_offset: largest time offset between readings and truth [s].
     :raises InputError: with a line for each reason why there is no twin.
     """
     problems = Problems()
@@ -191,8 +193,8 @@ def spline_recording(
     TWIN.judge(pose_findings(poses), warn)
     splines = _Splines(poses, name)
     noise, highest = splines.noise(cutoff)
-    visible = float(np.clip(_ROOM * highest, min(_LOWEST, cutoff), cutoff))
-    paths = splines.draw_splines(noise, visible)
+    visible_cutoff = float(np.clip(_ROOM * highest, min(_LOWEST, cutoff), cutoff))
+    paths = splines.draw_splines(noise, visible_cutoff)
     # Noise hides what smoothing takes, unless motion stands out of it up to the cut-off.
     sharp = paths if highest < cutoff else splines.draw_splines(noise, _SHARP * cutoff)
     trajectory, *noisy = paths
@@ -206,12 +208,12 @@ def spline_recording(
             f"twin needs {_SHORTEST:g} s: their stamps must be of one clock"
         )
     empty = Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
-    half = TwinRecording(
+    unplaced = TwinRecording(
         recording=empty,
         poses=poses,
         trajectory=trajectory,
         duration=duration,
-        cutoff=visible,
+        cutoff=visible_cutoff,
         noise=noise,
         noisy=tuple(noisy),
         sharp=tuple(sharp),
@@ -223,7 +225,7 @@ def spline_recording(
         given_s=float(np.ptp(stamps)),
         notes=readings.notes,
     )
-    return _place_on_truth(half, readings, stamps, candidates, max_offset, name)
+    return _place_on_truth(unplaced, readings, stamps, candidates, max_offset, name)
 
 
 class _Splines:

@@ -175,31 +175,34 @@ def find_pattern(t_ns: Times) -> StampPattern:
     counts, steps = np.diff(rows), np.diff(heads)
     unit_ns = _unit(steps)
     mean = float(steps.sum() / counts.sum())
-    single = len(rows) >= (1.0 - _FEW_SHARED) * (rows[-1] - rows[0] + 1)
+    has_own_stamps = len(rows) >= (1.0 - _FEW_SHARED) * (rows[-1] - rows[0] + 1)
     typical = _typical_interval(rows, heads)
-    clear = _clear(steps / typical - counts)
+    # Missing readings if every step is a whole number of intervals; else None.
+    losses = _clear(steps / typical - counts)
     interval = _interval_by_long_spans(rows, heads, typical)
-    coarse = not single or 0.0 < interval < _COARSE * unit_ns
-    if coarse and single and unit_ns > _COARSEST_NS:
+    # Rounding as coarse as the interval makes steps look like losses.
+    coarse = not has_own_stamps or 0.0 < interval < _COARSE * unit_ns
+    if coarse and has_own_stamps and unit_ns > _COARSEST_NS:
         coarse = False
-    if clear is not None:
-        events = int(np.count_nonzero(clear))
+    if losses is not None:
+        events = int(np.count_nonzero(losses))
         if not coarse or events < _FEWEST_WRAPS:
-            interval = _interval_by_count(steps, counts + clear, typical)
+            interval = _interval_by_count(steps, counts + losses, typical)
             return StampPattern(interval, unit_ns, bunch_ns, False, True)
     if coarse:
-        lined = _interval_by_lines(rows, heads, unit_ns, None if clear is None else clear)
-        if lined is None and unit_ns:
-            lined = _interval_of_fewest_losses(rows, heads, unit_ns, mean)
-        if lined is not None:
-            pattern = StampPattern(lined, unit_ns, bunch_ns, True, True)
+        coarse_interval = _interval_by_lines(rows, heads, unit_ns, losses)
+        if coarse_interval is None and unit_ns:
+            coarse_interval = _interval_of_fewest_losses(rows, heads, unit_ns, mean)
+        if coarse_interval is not None:
+            pattern = StampPattern(coarse_interval, unit_ns, bunch_ns, True, True)
             pattern, missing = _refine_interval(pattern, t_ns, rows)
             # Nearly as many losses on a grid without rounding are more likely.
-            if clear is None or missing.sum() < _SIMPLER * clear.sum():
+            if losses is None or missing.sum() < _SIMPLER * losses.sum():
                 return pattern
-        if clear is not None:
-            interval = _interval_by_count(steps, counts + clear, typical)
+        if losses is not None:
+            interval = _interval_by_count(steps, counts + losses, typical)
             return StampPattern(interval, unit_ns, bunch_ns, False, True)
+    # Stamps that jitter, or are rounded to less than an interval.
     pattern = StampPattern(interval, unit_ns, bunch_ns, False, False)
     missing = Losses(pattern).count(t_ns)[rows[1:]]
     regular = missing <= longest_loss(interval)
@@ -207,13 +210,13 @@ def find_pattern(t_ns: Times) -> StampPattern:
     if total:
         interval = float(steps[regular].sum() / total)
     excess = steps / interval - counts
-    rounded = bool(
+    is_rounded = bool(
         unit_ns
         and not coarse
         and np.abs(excess - np.rint(excess)).max() <= unit_ns / interval + 1e-6
         and interval > 2.0 * unit_ns
     )
-    return StampPattern(interval, unit_ns, bunch_ns, False, rounded)
+    return StampPattern(interval, unit_ns, bunch_ns, False, is_rounded)
 
 
 def bunch_limit(t_ns: Times) -> float:

@@ -61,6 +61,7 @@ class ClockStream:
         self.strays = self.late = self.resets = self.duplicates = self.pauses = self.lost = 0
         self.longest_pause_ns = 0
         self._usual_ns = 0.0
+        """Usual step of the stamps [ns]; 0: not known yet."""
         self._jitter = np.zeros(3)  # count, sum and sum of squares of deviations in intervals
         self._passed = np.zeros(2)  # time [ns] and samples
         self._end()
@@ -115,7 +116,13 @@ class ClockStream:
             self._end()
 
     def _in_order(self, t_ns: Times, values: Array, end: int) -> Iterator[Stretch]:
-        """Yield the readings up to ``end``; those before the context were yielded before."""
+        """Yield the readings in order, those that were not yielded before.
+
+        :param t_ns: (n,) waiting stamps in the order of arrival [ns]. The first ``_context`` ones
+            were yielded before: they tell which of the next ones are late or repeated.
+        :param values: (n, k) readings.
+        :param end: first row that is not yielded yet, since readings before it may still come.
+        """
         context = self._context
         if self.pattern is None:
             self._usual_ns = usual_step(t_ns)
@@ -132,11 +139,12 @@ class ClockStream:
             self.pattern = self._first_pattern(t_ns, pieces)
         for piece in pieces:
             rows = piece[(piece >= context) & (piece < end)]
-            goes_on = bool(context) and bool(np.any(piece < context)) and self._losses is not None
-            if goes_on and self._losses is not None and self._losses.last_ns is not None:
+            is_continued = bool(context) and bool(np.any(piece < context))
+            is_continued = is_continued and self._losses is not None
+            if is_continued and self._losses is not None and self._losses.last_ns is not None:
                 rows = rows[t_ns[rows] >= self._losses.last_ns]
             if len(rows):
-                yield from self._stretches(t_ns[rows], values[rows], not goes_on)
+                yield from self._stretches(t_ns[rows], values[rows], not is_continued)
 
     def _number(self, rows: Integers, end: int) -> int:
         """Return how many of some rows are new and before ``end``."""

@@ -99,9 +99,9 @@ class _Topic(NamedTuple):
 
     @property
     def aliases(self) -> tuple[str, ...]:
-        """Names of PX4's tools."""
-        plain = (self.name,) if self.instance == 0 else ()
-        return (f"{self.name}/{self.instance}", *plain)
+        """Names in PX4's tools: ``sensor_gyro/0``; of instance 0 also ``sensor_gyro``."""
+        numbered_name = f"{self.name}/{self.instance}"
+        return (numbered_name, self.name) if self.instance == 0 else (numbered_name,)
 
     @property
     def t_ns(self) -> Times:

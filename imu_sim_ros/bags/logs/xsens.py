@@ -220,6 +220,8 @@ class _Export:
     def _orientation(self, table: Mapping[str, Array]) -> Array | None:
         """Return the orientation (n, 4) of the sensor in ENU; None: not all rows have one.
 
+        The export states it in its local frame l: ENU, NWU or NED.
+
         :param table: columns (n,) by their names; NaN where a cell is empty.
         """
         q = _stack(table, [f"quatq{k}" for k in range(4)])
