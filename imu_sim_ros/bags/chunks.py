@@ -288,8 +288,11 @@ class ChunkWriter(Writer):
             for table in tables
         ]
         for spans in zip(*cuts, strict=True):
-            pieces = zip(tables, spans, strict=True)
-            parts = [(table, slice(*span)) for table, span in pieces if span[1] > span[0]]
+            parts = [
+                (table, slice(begin, end))
+                for table, (begin, end) in zip(tables, spans, strict=True)
+                if end > begin
+            ]
             if parts:  # of equal stamps, one piece has all
                 yield merge_tables(parts)
 

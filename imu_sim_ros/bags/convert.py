@@ -533,8 +533,9 @@ class BiasTopicReader:
             block = next(self._blocks, None)
             if block is None:
                 break
-            self._t_ns = np.concatenate([self._t_ns, block[0]])
-            self._vectors = np.concatenate([self._vectors, block[1]])
+            block_t_ns, vectors = block
+            self._t_ns = np.concatenate([self._t_ns, block_t_ns])
+            self._vectors = np.concatenate([self._vectors, vectors])
         rows = _rows_of(t_ns, self._t_ns)
         vectors = self._vectors[rows]
         self._t_ns, self._vectors = self._t_ns[rows[-1] + 1 :], self._vectors[rows[-1] + 1 :]

@@ -75,6 +75,14 @@ _INDEX_HEAD_BYTES = _HEADER_BYTES + 6
 _GENERATIONS = {"cdr": "ROS 2", "ros1": "ROS 1"}
 
 
+class _RecordSpan(NamedTuple):
+    """A record of the file."""
+
+    opcode: int
+    end: int
+    """Offset behind the record."""
+
+
 class _Chunk(NamedTuple):
     """Position of a chunk in the file, and its times; a truncated one ends with the file."""
 
@@ -216,8 +224,8 @@ class McapBag(ChunkedBag[_Chunk]):
         if not whole or position > self._end:
             self.found.append("no end: the recording was interrupted, or its end is lost")
 
-    def _record_at(self, position: int) -> tuple[int, int] | None:
-        """Return the opcode of the record that begins at an offset of the file, and its end.
+    def _record_at(self, position: int) -> _RecordSpan | None:
+        """Return the record that begins at an offset of the file.
 
         :returns: None if none does, or if it is not whole; the last chunk may be truncated.
         """
@@ -237,7 +245,7 @@ class McapBag(ChunkedBag[_Chunk]):
             plausible = end <= self._end and self._is_filled(opcode, fields, end)
         else:
             plausible = end <= self._end and (0 < opcode <= _LAST_OPCODE or opcode >= _PRIVATE)
-        return (opcode, end) if plausible else None
+        return _RecordSpan(opcode, end) if plausible else None
 
     def _is_filled(self, opcode: int, position: int, end: int) -> bool:
         """Return whether the fields of a record end where the record does.
@@ -260,7 +268,9 @@ class McapBag(ChunkedBag[_Chunk]):
         """Return whether a record begins at an offset that another one, or the end, follows."""
         record = self._record_at(position)
         return record is not None and (
-            record[0] == _FOOTER or record[1] >= self._end or self._record_at(record[1]) is not None
+            record.opcode == _FOOTER
+            or record.end >= self._end
+            or self._record_at(record.end) is not None
         )
 
     def _next_record(self, position: int) -> int:
@@ -331,9 +341,9 @@ class McapBag(ChunkedBag[_Chunk]):
     def _indexed_count(self, position: int) -> int:
         """Return how many messages the indexes at an offset name: those of the chunk before it."""
         entries = 0
-        while (record := self._record_at(position)) and record[0] == MESSAGE_INDEX:
-            entries += (record[1] - position - _INDEX_HEAD_BYTES) // INDEX_ENTRY.itemsize
-            position = record[1]
+        while (record := self._record_at(position)) and record.opcode == MESSAGE_INDEX:
+            entries += (record.end - position - _INDEX_HEAD_BYTES) // INDEX_ENTRY.itemsize
+            position = record.end
         return entries
 
     def _add_messages(self, position: int, counts: dict[int, int]) -> int:
@@ -346,9 +356,9 @@ class McapBag(ChunkedBag[_Chunk]):
         while (
             end - position < LOOSE_BYTES
             and (record := self._record_at(end))
-            and record[0] == MESSAGE
+            and record.opcode == MESSAGE
         ):
-            previous, end = end, record[1]
+            previous, end = end, record.end
         next_position = end
         if end < self._end and not self._record_at(end) and not self._is_cut(end):
             next_position = self._next_record(previous + 1)
@@ -369,7 +379,7 @@ class McapBag(ChunkedBag[_Chunk]):
     def _is_sequence(self, position: int, end: int) -> bool:
         """Return whether records follow each other from one offset to another."""
         while position < min(end, self._end) and (record := self._record_at(position)):
-            position = record[1]
+            position = record.end
         return position == end
 
     def _head(self, position: int) -> bytes:

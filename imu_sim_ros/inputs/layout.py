@@ -435,8 +435,9 @@ def _header_layout(
     row_format = _row_format(sample)
     counts = [len(_cells(text)) for _, text in sample]
     if header.count not in counts:
+        first_line, _ = sample[0]
         raise InputError(
-            f"{path}: the header names {header.count} columns, line {sample[0][0]} has {counts[0]}"
+            f"{path}: the header names {header.count} columns, line {first_line} has {counts[0]}"
         )
     form = _form(forms, row_format)
     stamp, part, digits = header.stamp, header.nanosecond, header.digits

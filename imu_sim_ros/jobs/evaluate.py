@@ -277,8 +277,9 @@ def _deltas(name: str, deltas: object) -> tuple[tuple[float, str], ...]:
                 refuse(name, entry, allowed)
         if not isinstance(entry, list | tuple) or len(entry) != 2:
             refuse(name, deltas, allowed, wrong_type=True)
-        pairs.append((number(name, entry[0], "above 0", 0.0, exclusive=True), entry[1]))
-        choice(name, entry[1], DELTA_UNITS)
+        length, unit = entry
+        pairs.append((number(name, length, "above 0", 0.0, exclusive=True), unit))
+        choice(name, unit, DELTA_UNITS)
     return tuple(pairs)
 
 

@@ -344,16 +344,16 @@ class BagRecording:
         due = time.monotonic() + FLUSH_PERIOD
         while True:
             try:
-                item = self._queue.get(timeout=max(due - time.monotonic(), 0.0))
+                entry = self._queue.get(timeout=max(due - time.monotonic(), 0.0))
             except queue.Empty:
-                item = []
-            if item is None:
+                entry = []
+            if entry is None:
                 self._flush()
                 return
-            if isinstance(item, RecordedTopic):
-                self._begin(item)
+            if isinstance(entry, RecordedTopic):
+                self._begin(entry)
             else:
-                self._write(item)
+                self._write(entry)
             if time.monotonic() >= due:
                 self._flush()
                 due = time.monotonic() + FLUSH_PERIOD

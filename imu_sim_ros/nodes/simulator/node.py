@@ -172,11 +172,10 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         """Return the sensor, encoder and receiver of each topic and serial line that there is."""
         outputs: list[tuple[str, topics.Encode, Send]] = []
         sensors = mount_sensors(parameters)
-        for name, topic in topics.published_topics(sensors, parameters.publish).items():
-            if not topic.mounted.sensor.apart and self._can_publish(topic.topic):
-                outputs.append(
-                    (topic.name, topic.encoder(), self._counting_publisher(name, topic.topic.type))
-                )
+        for name, offer in topics.published_topics(sensors, parameters.publish).items():
+            if not offer.mounted.sensor.apart and self._can_publish(offer.topic):
+                publisher = self._counting_publisher(name, offer.topic.type)
+                outputs.append((offer.name, offer.encoder(), publisher))
         for name, sensor in sensors.items():
             serial = sensor.sensor.serial
             if serial and (where := serial.where(sensor.parameters)):
