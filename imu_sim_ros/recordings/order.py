@@ -241,7 +241,11 @@ class _Sorting:
         return final - run if few and not 0 <= step <= LONGEST_PAUSE_NS else 0
 
     def _take(self, begin: int, end: int) -> None:
-        """Add a run to the stretch before it, or begin another one."""
+        """Add a run to the stretch before it, or begin another one.
+
+        :param begin: first row of the run, whose stamps increase.
+        :param end: row behind the run.
+        """
         first_ns, last_ns = int(self._t_ns[begin]), int(self._t_ns[end - 1])
         step = first_ns - self._latest_ns
         if self._pieces and self._follows(self._latest_ns, first_ns):
@@ -249,11 +253,13 @@ class _Sorting:
             self._latest_ns = last_ns
             return
         if self._pieces and -RESTART_NS <= step < 0:
-            earlier = int(np.searchsorted(self._t_ns[begin:end], self._latest_ns))
-            start, stop = self._pieces[-1][0][0], self._pieces[-1][-1][1]
-            goes_on = first_ns > self._t_ns[start] or stop - start <= STRAY_READINGS
-            if earlier < RESET_READINGS and goes_on:
-                self._late += range(begin, begin + earlier)
+            # A few late readings belong to the stretch, if they are no reset to before its start.
+            late_count = int(np.searchsorted(self._t_ns[begin:end], self._latest_ns))
+            start, _ = self._pieces[-1][0]
+            _, stop = self._pieces[-1][-1]
+            is_within = first_ns > self._t_ns[start] or stop - start <= STRAY_READINGS
+            if late_count < RESET_READINGS and is_within:
+                self._late += range(begin, begin + late_count)
                 self._pieces[-1].append((begin, end))
                 self._latest_ns = max(self._latest_ns, last_ns)
                 return

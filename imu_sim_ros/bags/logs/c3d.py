@@ -93,13 +93,20 @@ class _World(NamedTuple):
 
 
 def holds(path: Path, magic: bytes) -> bool:
-    """Return True if the head of the file and that of its parameters are those of a C3D file."""
-    if len(magic) < 2 or magic[1] != _KEY or magic[0] == 0:
+    """Return True if the head of the file and that of its parameters are those of a C3D file.
+
+    The first byte is the number of the block, from 1, in which the parameters begin; the second a
+    key. The fourth byte of the parameters names the processor that wrote the numbers.
+    """
+    if len(magic) < 2:
+        return False
+    parameter_block, key = magic[:2]
+    if key != _KEY or parameter_block == 0:
         return False
     with open_regular(path) as file:
-        file.seek(_BLOCK * (magic[0] - 1))
-        head = file.read(4)
-    return len(head) == 4 and head[3] in _PROCESSORS
+        file.seek(_BLOCK * (parameter_block - 1))
+        parameter_head = file.read(4)
+    return len(parameter_head) == 4 and parameter_head[3] in _PROCESSORS
 
 
 def contents(path: Path) -> Contents:

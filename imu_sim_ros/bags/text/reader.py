@@ -107,7 +107,7 @@ def table_blocks(
 ) -> Iterator[tuple[Times, Array]]:
     """Yield stamps (n,) and values (n, m) of a table other than the readings of an IMU, in blocks.
 
-    :param name: name with the number of the IMU, as :func:`beside_names` gives it: mag0.
+    :param name: name with the number of the IMU, as :func:`table_names` gives it: mag0.
     :param skipped: as for :func:`imu_blocks`.
     :raises InputError: for a folder that has no such table, and bad rows.
     """
@@ -122,9 +122,11 @@ def table_blocks(
 
 
 def table_names(path: Path, tables: Tables) -> dict[str, str]:
-    """Return those of the known tables that a folder has, mag0 and so on, each with its kind.
+    """Return the kind of each table of a sensor in a folder by its name; empty for a file.
 
-    None of a file.
+    The second magnetometer's table is ``mag1``, its kind ``mag``.
+
+    :param tables: kinds of tables that are looked for.
     """
     return {name: kind for name, (kind, _) in _tables_in(path, tables).items()}
 
