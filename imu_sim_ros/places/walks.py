@@ -157,6 +157,9 @@ class _Walkers:
     ) -> None:
         """Initialise with a random set of stops.
 
+        :param kind: ``cart`` or ``person``.
+        :param speed: speed of walking people [m/s], of which a cart has a share.
+        :param passage: path of the cameras.
         :param number: number of the set of stops, with which it is drawn.
         """
         from scipy.sparse.csgraph import dijkstra
@@ -175,6 +178,7 @@ class _Walkers:
         _, self._before = dijkstra(ways, indices=self._stops, return_predecessors=True)
         count = len(self._stops)
         self._legs = [[self._way(a, b) for b in range(count)] for a in range(count)]
+        """Places (n, 2) a knot apart on the way from each stop to each other one [m]."""
         self._lengths = np.array([[len(leg) for leg in legs] for legs in self._legs])
         places = np.concatenate([leg for legs in self._legs for leg in legs])
         self._cells, index = np.unique(self._floor.number(places), return_inverse=True)
@@ -182,6 +186,7 @@ class _Walkers:
         self._along = np.split(index.ravel(), ends)
         """Indices of the cells that each leg passes, knot by knot."""
         self._at = np.searchsorted(self._cells, self._stops)
+        """Index of the cell of each stop."""
         self._clear = self._clear_of_cameras()
         """(knots, cells) True where a body is clear of the cameras and of the known bodies."""
         self._known = 0

@@ -135,44 +135,38 @@ def _contradictions(t: Array, step: float, motions: Motion, next_to: Motion) -> 
 
     :param t: (n,) times [s].
     :param step: short time between ``motions`` and ``next_to`` [s].
+    :param motions: (n,) motion at these times; ``next_to`` a short time later.
     """
+    m, n = motions, next_to
+    changes = {
+        "position": _changes(m.position, n.position),
+        "velocity": _changes(m.velocity, n.velocity),
+        "attitude": _rotations(m, n),
+        "angular velocity": _changes(m.angular_velocity, n.angular_velocity),
+    }
     lines: list[str] = []
-    for name, derivative, unit, long, short, rate_before, rate_after in (
-        ("position", "velocity", "m", *_displacements(motions, next_to, 0), motions[1], next_to[1]),
+    for name, derivative, unit, before, after in (
+        ("position", "velocity", "m", m.velocity, n.velocity),
+        ("velocity", "acceleration", "m/s", m.acceleration, n.acceleration),
+        ("attitude", "angular velocity", "rad", m.angular_velocity, n.angular_velocity),
         (
-            "velocity",
-            "acceleration",
-            "m/s",
-            *_displacements(motions, next_to, 1),
-            motions[2],
-            next_to[2],
-        ),
-        (
-            "attitude",
-            "angular velocity",
-            "rad",
-            *_rotations(motions, next_to),
-            motions[4],
-            next_to[4],
-        ),
-        (
-            "angular velocity",
-            "angular acceleration",
-            "rad/s",
-            *_displacements(motions, next_to, 4),
-            motions[5],
-            next_to[5],
+            *("angular velocity", "angular acceleration", "rad/s"),
+            *(m.angular_acceleration, n.angular_acceleration),
         ),
     ):
+        long, short = changes[name]
         lines += _contradiction(
-            name, derivative, unit, t, long, short / step, 0.5 * (rate_before + rate_after)
+            name, derivative, unit, t, long, short / step, 0.5 * (before + after)
         )
     return lines
 
 
-def _displacements(motions: Motion, next_to: Motion, part: int) -> tuple[Array, Array]:
-    """Return the changes of a vector: to the next time (n - 1, 3), and in a short one (n, 3)."""
-    return np.diff(motions[part], axis=0), next_to[part] - motions[part]
+def _changes(vectors: Array, next_to: Array) -> tuple[Array, Array]:
+    """Return the changes of vectors (n, 3) to the next time (n - 1, 3), and in a short one (n, 3).
+
+    :param next_to: (n, 3) the vectors a short time later.
+    """
+    return np.diff(vectors, axis=0), next_to - vectors
 
 
 def _rotations(motions: Motion, next_to: Motion) -> tuple[Array, Array]:
