@@ -39,7 +39,7 @@ from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
-from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
+from imu_sim_ros.sensors.imu.triads import TriadsParameters, WhiteTerms
 
 SIZE: Final = 15
 """Number of error states."""
@@ -75,8 +75,6 @@ def _transition_rows(size: int) -> struct.Struct:
     return struct.Struct("".join(["=", *attitude, *velocity, *position]))
 
 
-_ANGULAR: Final = ([3, 4, 5], [3, 4, 5])
-"""The angular half of a twist's diagonal."""
 _TWIST_ROWS: Final = struct.Struct(
     "="
     + 3 * _row_format(SIZE, (0, 6))
@@ -106,21 +104,22 @@ class _WhiteNoise:
     """White noise, rounding and walks of the biases: additions of a step to the covariance."""
 
     def __init__(self, noise: TriadsParameters) -> None:
-        self.triads = (noise.gyroscope, noise.accelerometer)
+        triads = (noise.gyroscope, noise.accelerometer)
+        self.gyro = noise.gyroscope.white_terms()
         self._linear, self._squared = np.zeros(SIZE), np.zeros(SIZE)
         """(15,) additions to the diagonal by the length of a step and by its square."""
-        walks = [triad.random_walk for triad in self.triads]
+        walks = [triad.random_walk for triad in triads]
         self._linear[GYRO_BIAS.start :] = np.square(np.concatenate(walks))
-        self._turned: list[tuple[TriadParameters, int]] = []
-        """Triads of unequal axes, and the row of the error that they add to."""
-        for triad, rows in zip(self.triads, (ATTITUDE, VELOCITY), strict=True):
+        self._turned: list[tuple[WhiteTerms, int]] = []
+        """Noise of triads with unequal axes, and the row of the error that it adds to."""
+        for triad, rows in zip(triads, (ATTITUDE, VELOCITY), strict=True):
+            terms = triad.white_terms()
             sizes = (triad.noise_density, triad.resolution)
             if all(size == axes[0] for axes in sizes for size in axes):
                 # That of equal axes turns with the body and stays as it is: R w I R^T = w I.
-                self._linear[rows] = np.square(triad.noise_density)
-                self._squared[rows] = np.square(triad.resolution) / 12.0
+                self._linear[rows], self._squared[rows] = terms
             else:
-                self._turned.append((triad, rows.start))
+                self._turned.append((terms, rows.start))
         self._h, self._on_diagonal = 0.0, np.zeros(SIZE)
         self._variances = [np.zeros(3) for _ in self._turned]
 
@@ -134,7 +133,7 @@ class _WhiteNoise:
         if h != self._h:
             self._h = h
             self._on_diagonal = self._linear * h + self._squared * (h * h)
-            self._variances = [triad.white_variance(1.0 / h) for triad, _ in self._turned]
+            self._variances = [terms.variance(1.0 / h) for terms, _ in self._turned]
         diagonal += self._on_diagonal
         for (_, row), variance in zip(self._turned, self._variances, strict=True):
             turned = by_bias[:3, :3]
@@ -181,6 +180,7 @@ class Covariance:
         self._jacobian = np.concatenate([_POSE, np.empty((6, SIZE))])
         """(12, 15) derivative of the errors of pose and twist by the state's."""
         self._twist_rate, self._twist_white = -1.0, np.zeros((6, 6))
+        self._angular_white = np.einsum("ii->i", self._twist_white)[3:]
         rates = 3 + len(self.slow.of_rate)
         self._second_order = SecondOrder(rates)
         self._second = np.zeros((SIZE, SIZE))
@@ -191,6 +191,15 @@ class Covariance:
         their mean, and (r,) share that remains at the end."""
         self._passed = np.empty((6, width))
         """The sum of the steps' transitions, its rows of attitude and velocity."""
+        errors = (0, 1, 2, 9, 10, 11, *(SIZE + self.slow.of_rate))
+        rows, columns = np.meshgrid(errors[:6], errors, indexing="ij")
+        # P of a bias with the attitude is taken from above the diagonal.
+        lower = (rows >= GYRO_BIAS.start) & (columns < ATTITUDE.stop)
+        rows, columns = np.where(lower, columns, rows), np.where(lower, rows, columns)
+        self._places = rows * width + columns
+        """(6, n) places in [P C] of the covariance of attitude and rate with all errors of rate."""
+        self._ends = [np.eye(len(errors)), np.eye(len(errors))]
+        """Two (n, n) covariances of the attitude with all errors of the gyroscope."""
         self._begin_interval(self._attitude_and_rates())
 
     def variances(self) -> list[float]:
@@ -207,15 +216,13 @@ class Covariance:
         self._passed.fill(0.0)
 
     def _attitude_and_rates(self) -> Array:
-        """Return the (n, n) covariance of the attitude with all errors of the gyroscope."""
-        p, cross = self.matrix, self.slow.cross.take(self.slow.of_rate, axis=1)
-        covariance = np.eye(6 + cross.shape[1])
-        covariance[:3, :3], covariance[:3, 3:6] = p[ATTITUDE, ATTITUDE], p[ATTITUDE, GYRO_BIAS]
-        covariance[3:6, :3], covariance[3:6, 3:6] = (
-            p[ATTITUDE, GYRO_BIAS].T,
-            p[GYRO_BIAS, GYRO_BIAS],
-        )
-        covariance[:3, 6:], covariance[3:6, 6:] = cross[ATTITUDE], cross[GYRO_BIAS]
+        """Return the (n, n) covariance of the attitude with all errors of the gyroscope.
+
+        It is valid until the next call but one.
+        """
+        self._ends.reverse()
+        covariance = self._ends[0]
+        self._joint.take(self._places, out=covariance[:6], mode="clip")
         covariance[6:, :6] = covariance[:6, 6:].T
         return covariance
 
@@ -265,7 +272,7 @@ class Covariance:
 
     def gyro_white(self, rate_hz: float) -> Array:
         """Return the variance (3,) of white noise and rounding of a gyroscope's reading."""
-        return self._white.triads[0].white_variance(rate_hz)
+        return self._white.gyro.variance(rate_hz)
 
     def _update_second_order(self) -> None:
         """Set the part of a step's transition that is quadratic in its length."""
@@ -343,7 +350,7 @@ class Covariance:
         covariance: Array = jacobian.dot(self.mean_square()).dot(jacobian.T)
         if rate_hz != self._twist_rate:
             self._twist_rate = rate_hz
-            self._twist_white[_ANGULAR] = self.gyro_white(rate_hz)
+            self._angular_white[:] = self.gyro_white(rate_hz)
         twist = covariance[6:, 6:]
         twist += self._twist_white
         return covariance[:6, :6], twist

@@ -142,6 +142,8 @@ def mean_factors(u: Array) -> tuple[Array, Array]:
 
 _SIZE: Final = 9
 """Number of error states that a process drives: position, velocity, attitude."""
+_TOGETHER: Final = 64
+"""Attitudes whose largest standard deviations are computed in one go."""
 _EYE: Final = np.eye(3)
 _CROSS: Final = 0.5 * rotation.skew(_EYE)
 """(3, 3, 3): row k of ``theta x theta' / 2`` is ``-theta^T _CROSS[k] theta'``."""
@@ -184,8 +186,9 @@ class SecondOrder:
         :param rates: r, how many errors of the rate the state x has in addition to theta.
         """
         n = 3 + rates
-        self.largest_sigma = 0.0
-        """Largest standard deviation of the attitude so far, along its worst axis [rad]."""
+        self._largest_sigma = 0.0
+        self._attitudes, self._count = np.empty((_TOGETHER, 3, 3)), 0
+        """Latest covariances of the attitude, and how many of them are not judged yet."""
         self.mean_square = np.zeros((_SIZE, _SIZE))
         """(9, 9) mean square of the errors of attitude, velocity and position."""
         self._mean, self._covariance = np.zeros(_SIZE), np.zeros((_SIZE, _SIZE))
@@ -195,8 +198,22 @@ class SecondOrder:
         """Covariances of the errors with the products of eta."""
         self._keep, self._forms = np.eye(_SIZE), np.empty((_SIZE, 36))
         self._forms[:3] = _TURNING
+        self._keep_velocity = np.einsum("ii->i", self._keep[6:, 3:6])
+        self._form_matrices = self._forms.reshape(_SIZE, 6, 6)
         self._shares = np.ones(n)
         """Share of x at the start that remains at the end."""
+        self._products, self._eta = np.empty((n, 6)), np.empty((6, 6))
+
+    @property
+    def largest_sigma(self) -> float:
+        """Largest standard deviation of the attitude so far, along its worst axis [rad]."""
+        self._judge_attitudes()
+        return self._largest_sigma
+
+    def _judge_attitudes(self) -> None:
+        """Compute the standard deviations of the latest attitudes."""
+        sigmas = attitude_sigma(self._attitudes[: self._count]).tolist()
+        self._largest_sigma, self._count = max(self._largest_sigma, *sigmas, 0.0), 0
 
     def step(
         self,
@@ -216,18 +233,21 @@ class SecondOrder:
         :param by_rates: (3, r) how theta at the end depends on the errors of the rate at the start.
         :param decay: (r,) share of the initial errors of the rate that remains at the end.
         """
-        self.largest_sigma = max(self.largest_sigma, float(attitude_sigma(updated[:3, :3])))
+        if self._count == _TOGETHER:
+            self._judge_attitudes()
+            self._largest_sigma = self.largest_sigma
+        self._attitudes[self._count] = updated[:3, :3]
+        self._count += 1
         self._set_interval(h, acceleration)
         self._shares[3:] = decay
         keep, forms = self._keep, self._forms
-        products = np.empty((len(previous), 6))  # E[x eta^T], x at the end
+        products, eta = self._products, self._eta  # E[x eta^T], x at the end; E[eta eta^T]
         at_end = np.multiply(previous[:, :3], self._shares[:, None], products[:, :3])
         at_end[:3] += by_rates.dot(previous[3:, :3])
         products[:, 3:] = updated[:, :3]
-        eta = np.empty((6, 6))
         eta[:3, :3], eta[3:] = previous[:3, :3], products[:3]
         eta[:3, 3:] = at_end[:3].T
-        weighed = forms.reshape(_SIZE, 6, 6) @ eta
+        weighed = self._form_matrices @ eta
         transposed = weighed.swapaxes(1, 2).reshape(_SIZE, 36)
         gained = weighed.reshape(_SIZE, 36).dot(transposed.T)
         gained += gained  # the covariance of two forms of normal numbers is 2 tr(A C B C)
@@ -239,7 +259,7 @@ class SecondOrder:
         self._covariance += crossed.T
         self._mean = keep.dot(self._mean) + forms.dot(eta.reshape(36))
         moved = keep.dot(self._with_state.reshape(_SIZE, -1)).reshape(self._with_state.shape)
-        by_forms = (products @ forms.reshape(_SIZE, 6, 6)).reshape(-1, 6)
+        by_forms = (products @ self._form_matrices).reshape(-1, 6)
         products += products
         moved += by_forms.dot(products.T).reshape(moved.shape)
         self._with_state = moved
@@ -256,7 +276,7 @@ class SecondOrder:
         keep[3:6, :3] = tilted = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
         tilted *= half
         keep[6:, :3] = tilted
-        keep[[6, 7, 8], [3, 4, 5]] = h
+        self._keep_velocity[:] = h
         velocity = _SHORTENING.dot(acceleration).reshape(3, 36)
         velocity *= half
         velocity += keep[3:6, :3].dot(0.5 * _TURNING)

@@ -12,7 +12,7 @@ else.
 import dataclasses
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -59,6 +59,22 @@ _WORDS: Final[Mapping[Triad, Mapping[str, str]]] = {
 """Words for each triad's descriptions; ``change``: unit per second, ``increment``: unit times s."""
 _OF_THE_GYROSCOPE: Final = ("g_sensitivity", "g_sensitivity_sigma", "g_squared_sensitivity")
 """An accelerometer's response to specific force is its scale and its non-linearity."""
+
+
+class WhiteTerms(NamedTuple):
+    """Variance of white noise and rounding in the readings of a triad, by their rate."""
+
+    by_rate: Array
+    """(3,) share of it that grows with the rate of the readings."""
+    constant: Array
+    """(3,) share that no rate changes."""
+
+    def variance(self, rate: float) -> Array:
+        """Return the variance (3,) of a reading.
+
+        :param rate: readings per second [Hz].
+        """
+        return self.by_rate * rate + self.constant
 
 
 @dataclass(frozen=True)
@@ -301,11 +317,16 @@ class TriadParameters:
     def white_variance(self, rate: float) -> Array:
         """Return the variance (3,) of white noise and rounding in a reading without low-pass.
 
-        Rounding to steps of LSB is white noise of ``LSB^2 / 12`` (Widrow 1956).
-
         :param rate: readings per second [Hz].
         """
-        return np.square(self.noise_density) * rate + np.square(self.resolution) / 12.0
+        return self.white_terms().variance(rate)
+
+    def white_terms(self) -> "WhiteTerms":
+        """Return the terms of :meth:`white_variance`.
+
+        Rounding to steps of LSB is white noise of ``LSB^2 / 12`` (Widrow 1956).
+        """
+        return WhiteTerms(np.square(self.noise_density), np.square(self.resolution) / 12.0)
 
     @property
     def gauss_markov(self) -> Array:
