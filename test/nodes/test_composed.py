@@ -21,6 +21,15 @@ def gyro(messages: list[Any]) -> np.ndarray:
     return np.array([[getattr(m.angular_velocity, axis) for axis in "xyz"] for m in messages])
 
 
+def _seeds(listener: Any) -> dict[int, dict[str, str]]:
+    """Return the latest diagnostics by the seed that they state."""
+    stated = {}
+    for message in listener.messages("/diagnostics"):
+        values = {v.key: v.value for v in message.status[0].values}
+        stated[int(values["seed"])] = values
+    return stated
+
+
 def test_two_simulators_have_two_seeds_and_say_which(start: Any, listener: Any) -> None:
     """Default seeds differ; the seed in a node's diagnostics reproduces its readings offline."""
     chosen = {"rate": 100, "imu__preset": "bmi088", "trajectory__type": "static", "start_time": 1}
@@ -31,14 +40,11 @@ def test_two_simulators_have_two_seeds_and_say_which(start: Any, listener: Any) 
     listener.listen("/diagnostics", DiagnosticArray)
     for name in spaces:
         extra = ["--ros-args", "-r", f"__ns:=/{name}"] if name else []
-        start("simulator", *extra, duration=3, **chosen, **ready)
+        start("simulator", *extra, **chosen, **ready)
     for name in spaces:
         listener.wait_for(f"{'/' if name else ''}{name}/imu/data_raw", 250)
-    stated = {}
-    for message in listener.messages("/diagnostics"):
-        values = {v.key: v.value for v in message.status[0].values}
-        stated[int(values["seed"])] = values
-    assert len(stated) == 3
+    listener.wait_until(lambda: len(_seeds(listener)) == 3, "diagnostics of three simulators")
+    stated = _seeds(listener)
     assert 0 in stated
     offline = {}
     for seed, values in stated.items():
