@@ -373,7 +373,10 @@ class _Part(NamedTuple):
 def _look(
     path: Path, part: "Trimesh", faces: Numbers, image: "Image | None"
 ) -> tuple[Single, Bytes, bool]:
-    """Return texture coordinates (m, 3, 2) and colours (m, 3, 3) of corners, and ``painted``."""
+    """Return texture coordinates (m, 3, 2) and colours (m, 3, 3) of the corners of m faces.
+
+    The third result is True if the part has a texture, or colours that differ within it.
+    """
     visual = part.visual
     count = len(faces)
     # What is the same everywhere takes no memory.

@@ -181,8 +181,8 @@ def _ply_header(path: Path, lines: list[str]) -> tuple[str, int, list[str], list
     form, count, names, types, element = "", -1, [], [], ""
     for line in lines:
         match line.split():
-            case ["format", found, _]:
-                form = found
+            case ["format", encoding, _]:
+                form = encoding
             case ["element", name, number] if number.isdigit():
                 if count < 0 and name != "vertex":
                     raise InputError(f"{path}: the first element must be vertex, not {name}")

@@ -787,9 +787,10 @@ def _sun_share(
 ) -> np.float32:
     """Return the share of a highlight's middle that the sun has.
 
-    :param ray: as of a lamp; ``to``: direction of the sun.
-    :param doublings: the exponent of the lobe is 2 to the power of them.
-    :param floor: by which the power is lowered.
+    :param ray: ray on the mirrored side, of the length ``away``; ``to`` direction of the sun, of
+        the length ``distance``, in the same axes.
+    :param doublings: logarithm to base 2 of the exponent of the lobe.
+    :param floor: share of the lobe's peak that is subtracted, below which nothing is visible.
     """
     cosine = ray[0] * to[0] + ray[1] * to[1] + ray[2] * to[2]
     power = max(cosine / (away * distance), _ZERO)
