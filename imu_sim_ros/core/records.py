@@ -21,6 +21,7 @@ from imu_sim_ros.core.arguments import array, integer, number, refuse, stamps, s
 from imu_sim_ros.core.components import Quaternion, Vector
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
+from imu_sim_ros.core.memory import join
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.timebase import describe_span, seconds_since
 from imu_sim_ros.core.types import AnyArray, Array, Integers, Keywords, Mask, Times
@@ -438,7 +439,8 @@ def concatenate(records: Iterable[SeriesT]) -> SeriesT:
     values = _values(head)
     for name in _fields_of(type(head)).arrays:
         parts = [block.pop(name) for block in blocks]
-        values[name] = None if any(part is None for part in parts) else np.concatenate(parts)
+        values[name] = None if any(part is None for part in parts) else join(parts)
+        del parts
     return _record(type(head), values)
 
 

@@ -20,6 +20,7 @@ from imu_sim_ros.core.arguments import path as checked_path
 from imu_sim_ros.core.arguments import topic as checked_topic
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.errors import InputError, Problems, Remark, warn
+from imu_sim_ros.core.memory import release_memory
 from imu_sim_ros.core.records import Readings, States, replace_fields
 from imu_sim_ros.core.rotation import to_euler
 from imu_sim_ros.core.spelling import argument, argument_prefix
@@ -358,6 +359,7 @@ def _prepare(
         )
     if recording.truth is not None and not isinstance(readings, Flight):
         DEAD_RECKON.judge(pose_findings(recording.truth), warn)
+    release_memory()
     recording = recording.after(skip)
     prefix = f"{readings}: " if isinstance(readings, str | PathLike) else ""
     for note in (*world.notes, *settings.warnings()):

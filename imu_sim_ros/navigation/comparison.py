@@ -3,13 +3,15 @@
 
 """The comparison of an estimate with its truth; every error is estimate minus truth."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from imu_sim_ros.core.arguments import choice, number
-from imu_sim_ros.core.blocks import squared_vector_lengths
+from imu_sim_ros.core.blocks import blocks, squared_vector_lengths
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.timebase import seconds_since
@@ -25,31 +27,28 @@ from imu_sim_ros.navigation.evaluation import (
     DELTA_UNITS,
     PoseNees,
     RelativeErrors,
-    absolute_errors,
+    attitude_errors,
     distances,
     pairs,
     pose_nees,
     relative_errors,
 )
 
+_ALL: Final = slice(None)
+_LAST: Final = slice(-1, None)
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Comparison:
     """The errors of an estimate, estimate minus truth, at the m times that both cover.
 
+    Errors are computed when they are asked for; their sizes alone need no memory for each time.
     It stays next to :class:`imu_sim_ros.core.records.States`, since its columns are errors, not
     states.
     """
 
     t_ns: Times
     """(m,) common times [ns]."""
-    position: Array
-    """(m, 3) position errors in the world [m]."""
-    attitude: Array
-    """(m, 3) attitude errors, rotation vectors ``Log(q_estimate q_truth^-1)`` about the world's
-    axes [rad]."""
-    velocity: Array | None
-    """(m, 3) velocity errors in the world [m/s]; None if estimate or truth has no velocity."""
     distance: float
     """Length of the true path [m]."""
     estimate: States
@@ -72,35 +71,79 @@ class Comparison:
         """(m,) times after the first common time [s]."""
         return seconds_since(self.t_ns, int(self.t_ns[0]))
 
+    @cached_property
+    def position(self) -> Array:
+        """(m, 3) position errors in the world [m]."""
+        return self._position_errors()
+
+    @cached_property
+    def attitude(self) -> Array:
+        """(m, 3) attitude errors ``Log(q_estimate q_truth^-1)`` about the world's axes [rad]."""
+        return self._attitude_errors()
+
+    @cached_property
+    def velocity(self) -> Array | None:
+        """(m, 3) velocity errors in the world [m/s]; None if estimate or truth has no velocity."""
+        return self._velocity_errors() if self._has_velocity else None
+
+    def _position_errors(self, rows: slice = _ALL) -> Array:
+        """Return the position errors of some rows (k, 3)."""
+        return self.estimate.position[rows] - self.truth.position[rows]
+
+    def _attitude_errors(self, rows: slice = _ALL) -> Array:
+        """Return the attitude errors of some rows (k, 3)."""
+        return attitude_errors(self.estimate.q_wb[rows], self.truth.q_wb[rows])
+
+    def _velocity_errors(self, rows: slice = _ALL) -> Array:
+        """Return the velocity errors of some rows (k, 3)."""
+        return self.estimate.velocities()[rows] - self.truth.velocities()[rows]
+
     @property
+    def _has_velocity(self) -> bool:
+        """True if estimate and truth have velocities."""
+        return self.estimate.velocity is not None and self.truth.velocity is not None
+
+    @cached_property
     def rms_position(self) -> float:
         """Root mean square of the position errors [m]: the absolute trajectory error, ATE."""
-        return _rms(self.position)
+        return self._rms(self._position_errors)
 
-    @property
+    @cached_property
     def rms_attitude(self) -> float:
         """Root mean square of the attitude errors [rad]."""
-        return _rms(self.attitude)
+        return self._rms(self._attitude_errors)
 
-    @property
+    @cached_property
     def rms_velocity(self) -> float | None:
         """Root mean square of the velocity errors [m/s]."""
-        return None if self.velocity is None else _rms(self.velocity)
+        return self._rms(self._velocity_errors) if self._has_velocity else None
+
+    def _rms(self, errors: Callable[[slice], Array]) -> float:
+        """Return the root mean square length of errors.
+
+        :param errors: errors (k, 3) of some rows; all rows at once would need memory.
+        """
+        squares = np.empty(len(self.t_ns))
+        for rows in blocks(len(squares)):
+            squares[rows] = squared_vector_lengths(errors(rows))
+        return float(np.sqrt(np.mean(squares)))
 
     @property
     def final_position(self) -> float:
         """Length of the last position error [m]."""
-        return float(np.linalg.norm(self.position[-1]))
+        return float(np.linalg.norm(self._position_errors(_LAST)[0]))
 
     @property
     def final_attitude(self) -> float:
         """Length of the last attitude error [rad]."""
-        return float(np.linalg.norm(self.attitude[-1]))
+        return float(np.linalg.norm(self._attitude_errors(_LAST)[0]))
 
     @property
     def final_velocity(self) -> float | None:
         """Length of the last velocity error [m/s]."""
-        return None if self.velocity is None else float(np.linalg.norm(self.velocity[-1]))
+        if not self._has_velocity:
+            return None
+        return float(np.linalg.norm(self._velocity_errors(_LAST)[0]))
 
     @cached_property
     def consistency(self) -> tuple[PoseNees | None, str | None]:
@@ -150,15 +193,8 @@ def compare(
     true = poses_at(truth, unaligned.t_ns)
     alignment = align(unaligned.position, true.position, align_by)
     aligned = unaligned if align_by == "none" else alignment.apply(unaligned)
-    position, attitude = absolute_errors(aligned, true)
-    velocity = None
-    if aligned.velocity is not None and true.velocity is not None:
-        velocity = aligned.velocity - true.velocity
     return Comparison(
         t_ns=unaligned.t_ns,
-        position=position,
-        attitude=attitude,
-        velocity=velocity,
         distance=float(distances(true.position)[-1]),
         estimate=aligned,
         truth=true,
@@ -168,8 +204,3 @@ def compare(
         coverage=coverage(estimate.t_ns, truth.t_ns, max_gap, allowance),
         unaligned=unaligned,
     )
-
-
-def _rms(errors: Array) -> float:
-    """Return the root mean square length of errors (n, 3)."""
-    return float(np.sqrt(np.mean(squared_vector_lengths(errors))))

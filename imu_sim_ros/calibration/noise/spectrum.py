@@ -10,12 +10,10 @@ second difference matrix with free ends, whose eigenvectors are the DCT-II's; St
 cosine transform", SIAM Review 41, 1999.) No window, no differencing and no leakage.
 """
 
-import ctypes
 import io
 import tempfile
 import weakref
 from collections.abc import Iterable
-from contextlib import suppress
 from functools import partial
 from typing import BinaryIO, Final, NamedTuple
 
@@ -28,6 +26,7 @@ from imu_sim_ros.calibration.noise.slow_signals import (
     Signal,
     find_signals,
 )
+from imu_sim_ros.core.memory import release_memory
 from imu_sim_ros.core.types import Array, Integers, Mask
 
 CLUSTER: Final = 16
@@ -257,7 +256,7 @@ class SpectrumAccumulator:
                 self._low_sums(detected.without_doubtful, bins) if detected.doubtful else sums[-1]
             )
             del detected
-            _release_memory()
+            release_memory()
         for shift in shifts:
             self._remove_shift(shift)
         self._low.append(self._low_part(sums, bins, n))
@@ -399,16 +398,6 @@ class SpectrumAccumulator:
         # All fields but the last, the sample interval, are arrays.
         columns = zip(*(part[:-1] for part in parts), strict=True)
         return Spectrum._make([*map(np.concatenate, columns), self._dt])
-
-
-def _release_memory() -> None:
-    """Return freed memory to the system.
-
-    The C library keeps what lies between other blocks: of a long record, several times the memory
-    of an axis.
-    """
-    with suppress(AttributeError):  # a function of glibc
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _signal_in_samples(signal: Signal, begin: int) -> Signal:

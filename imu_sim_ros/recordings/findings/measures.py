@@ -174,9 +174,15 @@ class ReadingMeasures:
 
     def _spread(self, values: Array) -> tuple[Array, Array]:
         """Return the standard deviation (windows, 3) of the parts' means, and that by noise."""
-        parts = self._windows(values)
-        deviation = np.sqrt(np.mean(parts.var(axis=2, ddof=1), axis=1))
-        return parts.mean(axis=2).std(axis=1, ddof=1), deviation / math.sqrt(parts.shape[2])
+        windows = self._windows(values)
+        spread, deviation = np.empty((2, len(windows), 3))
+        size = self.window
+        for rows in blocks(size * len(windows), size):
+            part = slice(rows.start // size, rows.stop // size)
+            parts = windows[part]
+            deviation[part] = np.sqrt(np.mean(parts.var(axis=2, ddof=1), axis=1))
+            spread[part] = parts.mean(axis=2).std(axis=1, ddof=1)
+        return spread, deviation / math.sqrt(windows.shape[2])
 
     @property
     def moves(self) -> bool:
@@ -308,18 +314,25 @@ class ReadingMeasures:
         size = max(round(_STEP / self.interval), 1)
         count = len(gyro) // size
         dt = size * self.interval
-        gyro = gyro[: count * size].reshape(count, size, 3).mean(axis=1) * rate_scale
-        accel = accel[: count * size].reshape(count, size, 3).mean(axis=1)
         length = min(max(round(duration / dt), 2), count)
         starts = np.unique(np.linspace(0, count - length, _PIECES).round().astype(np.int64))
         if self.moves and self.rest.any():
             starts = self._starts_in_motion(size, count - length)
-        rows = starts[:, None] + np.arange(length)
-        forces = accel[rows]
+        rates, forces = (
+            np.array(
+                [
+                    values[size * start : size * (start + length)]
+                    .reshape(length, size, 3)
+                    .mean(axis=1)
+                    for start in starts.tolist()
+                ]
+            )
+            for values in (gyro, accel)
+        )
         # Neighbours are joined, as long as there are two: steps that turn nothing fill the pieces.
         steps = 1 << (length - 1).bit_length()
         turns = np.tile(rotation.IDENTITY, (len(starts), steps, 1))
-        turns[:, :length] = rotation.exp(np.clip(gyro[rows] * dt, -1e3, 1e3))
+        turns[:, :length] = rotation.exp(np.clip(rates * rate_scale * dt, -1e3, 1e3))
         sums = np.zeros((len(starts), steps, 3))
         sums[:, :length] = forces
         while sums.shape[1] > 1:
