@@ -32,6 +32,7 @@ from imu_sim_ros.core.blocks import step_lengths
 from imu_sim_ros.core.conventions import AXES, TRIADS, TRUTH_TOPIC
 from imu_sim_ros.core.digits import plus_minus
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
+from imu_sim_ros.core.memory import release_memory
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import Readings, States, concatenate, replace_fields
 from imu_sim_ros.core.spelling import argument
@@ -636,6 +637,7 @@ def _turn_angles(
     measure: Callable[[MeasuresT], TurnAngles], measures: MeasuresT
 ) -> TurnAngles | UnknownOffsetError:
     """Return the angles that a body has turned, or why they are not known."""
+    release_memory()  # that of the findings
     try:
         return measure(measures)
     except UnknownOffsetError as error:
