@@ -109,8 +109,7 @@ def test_a_flight_without_a_rest_starts_by_itself(example, tmp_path):
         f"-o {tmp_path}/tour/mav0 --format euroc --imu adis16448 --trajectory tour --duration 6s "
         "--set trajectory.place=corridor --scene corridor --camera euroc_cam0 "
         "--set camera.body_axes=flu --set camera.rate=10 --set scene.texture=rich --seed 2 "
-        "--set camera.width=376 --set camera.height=240 "
-        "--set camera.intrinsics=[229.3,228.6,183.6,124.2] --with-configs --quiet"
+        "--with-configs --quiet"
     )
     assert generate.main(arguments.split()) == 0
     configuration = tmp_path / "tour/mav0_configs/simulation.yaml"
