@@ -19,6 +19,9 @@ from imu_sim_ros.nodes.arguments import ros_arguments
 if TYPE_CHECKING:
     from imu_sim_ros.nodes.parameters import ConfiguredNode
 
+_SWITCH_INTERVAL: Final = 0.001
+"""Time after which a thread passes the interpreter on [s]; by Python's 5 ms, readings wait longer
+for the callbacks of diagnostics, parameters and discovery."""
 _SHUTDOWN: Final = 0.1
 """Longest wait of the shutdown for callbacks that are waiting themselves [s]."""
 
@@ -41,6 +44,7 @@ def main(
     if status is not None:
         return status
     arguments, debug = parse_debug_option(arguments)
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     watch = signals.watch()
     try:
         watch.begin()
