@@ -560,6 +560,7 @@ def _success_effect(effect: Effect, simultaneous: ConfidenceInterval, rule: Crit
 
     :param simultaneous: interval of the share's difference for all comparisons at once.
     """
+    # Difference of the shares, A - B: larger is better, so that its loss is the negative.
     share, proven = effect.success, None
     if rule.margin is not None:
         proven = share.low is not None and share.low > -rule.margin.value

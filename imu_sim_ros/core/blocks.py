@@ -17,6 +17,11 @@ ROWS: Final = 65536
 """Rows of a block: their intermediate results need a few megabytes."""
 
 
+def ceil_divide(count: int, size: int) -> int:
+    """Return ``count / size`` rounded up: the number of groups of at most ``size`` elements."""
+    return -(-count // size)
+
+
 def blocks(count: int, window: int = 1) -> Iterator[slice]:
     """Yield consecutive slices of an array of ``count`` rows, which end within it.
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.core import components
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.components import from_half_angles, quaternion, stack, vector
 from imu_sim_ros.core.types import Array
 
@@ -286,7 +287,7 @@ def cumulative_product(q: ArrayLike) -> Array:
     if n < 2:
         return sequence.T.copy()
     columns = math.ceil(math.sqrt(n))
-    rows = -(-n // columns)
+    rows = ceil_divide(n, columns)
     table = np.zeros((columns, 4, rows))
     table[n % columns :, 0, -1] = 1.0  # what is missing of the last row; the rest is filled next
     whole_rows = n // columns

@@ -3,6 +3,7 @@
 
 """Sample times as int64 nanoseconds, each computed from its index, never by accumulation."""
 
+import math
 import re
 from fractions import Fraction
 from functools import lru_cache
@@ -64,7 +65,7 @@ def sample_count(duration: float, rate: float) -> int:
     """
     # The product of two decimal numbers such as 0.1 s and 30 Hz may miss an integer by rounding.
     samples = exact_fraction(duration) * exact_rate(rate)
-    return -(-samples.numerator // samples.denominator)
+    return math.ceil(samples)
 
 
 @lru_cache(maxsize=64)

@@ -168,8 +168,8 @@ def campaign(
     >>> import imu_sim_ros as ims
     >>> plan = folder / "plan.yaml"
     >>> _ = plan.write_text("parameters: {duration: 1.0}\ngrid: {imu: [tactical]}\nseeds: 2\n")
-    >>> found = ims.campaign(plan, folder / "results")
-    >>> found.done, sorted(found.runs[0])[:3]
+    >>> results = ims.campaign(plan, folder / "results")
+    >>> results.done, sorted(results.runs[0])[:3]
     (2, ['align', 'ate_rmse_m', 'ate_rmse_rad'])
     """
     path = find_plan(str(arguments.path("plan", plan, "a file, or a name in config/campaigns")))

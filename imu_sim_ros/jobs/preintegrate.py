@@ -68,8 +68,8 @@ def preintegrate(
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="adis16448", trajectory="figure_eight", duration=10)
-    >>> found = ims.preintegrate(flight, every=0.5)
-    >>> found.alpha.shape, found.covariance.shape
+    >>> increments = ims.preintegrate(flight, every=0.5)
+    >>> increments.alpha.shape, increments.covariance.shape
     ((19, 3), (19, 15, 15))
     """
     arguments.choice("method", method, METHODS)

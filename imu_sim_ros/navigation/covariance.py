@@ -51,9 +51,12 @@ _POSE: Final = np.eye(SIZE)[np.r_[POSITION, ATTITUDE]]
 
 
 def _row_format(size: int, *filled: tuple[int, int]) -> str:
-    """Return how a row of a matrix is packed, zero but for runs (column, length).
+    """Return the format (of ``struct``) of a row of doubles that is zero outside some runs.
+
+    Packing takes the entries of the runs, and writes zeros elsewhere.
 
     :param size: length of the row.
+    :param filled: first column and length of each run.
     """
     codes, offset = [], 0
     for column, length in filled:
@@ -64,14 +67,22 @@ def _row_format(size: int, *filled: tuple[int, int]) -> str:
 
 @lru_cache(maxsize=16)
 def _transition_rows(size: int) -> struct.Struct:
-    """Return how attitude, velocity and position of a transition are packed, ``size`` wide.
+    """Return the layout of the entries of a step's transition matrix that are not always zero.
 
-    The rows of the biases are constant.
+    They are in the rows of attitude, velocity and position; the rows of the biases are constant.
+
+    :param size: width of the matrix: the error states, then the slow errors.
     """
     axes = range(3)
-    attitude = [_row_format(size, (axis, 1), (9, 3)) for axis in axes]
-    velocity = [_row_format(size, (0, 3), (3 + axis, 1), (12, 3)) for axis in axes]
-    position = [_row_format(size, (0, 3), (3 + axis, 1), (6 + axis, 1), (12, 3)) for axis in axes]
+    theta, gyro_bias, accel_bias = (
+        (states.start, 3) for states in (ATTITUDE, GYRO_BIAS, ACCEL_BIAS)
+    )
+    attitude, velocity, position = [], [], []
+    for axis in axes:
+        v, p = (VELOCITY.start + axis, 1), (POSITION.start + axis, 1)
+        attitude.append(_row_format(size, (ATTITUDE.start + axis, 1), gyro_bias))
+        velocity.append(_row_format(size, theta, v, accel_bias))
+        position.append(_row_format(size, theta, v, p, accel_bias))
     return struct.Struct("".join(["=", *attitude, *velocity, *position]))
 
 

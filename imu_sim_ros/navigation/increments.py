@@ -154,24 +154,41 @@ def mean(a: Vector[Component], b: Vector[Component]) -> Vector[Component]:
 def euler_step(
     stages: Stages[Component], h: Component, force: Ends[Component]
 ) -> Increment[Component]:
-    """Return the increment of the Euler method from the attitude of the end."""
-    return stages[-1], scale(force[0], h), None
+    """Return ``(dq, dv, dp)`` of the Euler method: the force stays that of the start.
+
+    :param stages: attitudes in the frame of the start; the last of them is that of the end, dq.
+    :param h: length of the interval [s].
+    :param force: specific forces at the start and at the end [m/s^2], each in the body then.
+    """
+    dq, dv = stages[-1], scale(force[0], h)
+    return dq, dv, None
 
 
 def midpoint_step(
     stages: Stages[Component], h: Component, force: Ends[Component]
 ) -> Increment[Component]:
-    """Return the increment of the midpoint method from the attitude of the end."""
-    dq, (x, y, z) = stages[-1], force[0]
-    a, b, c = rotate(dq, force[1])
+    """Return ``(dq, dv, dp)`` of the midpoint method: the mean of the forces at both ends.
+
+    Arguments as for :func:`euler_step`. The force at the end is turned into the frame of the start.
+    """
+    dq, (x0, y0, z0) = stages[-1], force[0]
+    x1, y1, z1 = rotate(dq, force[1])
     half = 0.5 * h
-    return dq, ((x + a) * half, (y + b) * half, (z + c) * half), None
+    dv = (x0 + x1) * half, (y0 + y1) * half, (z0 + z1) * half
+    return dq, dv, None
 
 
 def rk4_step(
     stages: Stages[Component], h: Component, force: Ends[Component]
 ) -> Increment[Component]:
-    """Return the increment of rk4 from the attitudes of stages 2, 3, 4 and of the end."""
+    """Return ``(dq, dv, dp)`` of rk4.
+
+    ``a1 .. a4`` are the forces of its four stages, in the frame of the interval's start.
+
+    :param stages: attitudes of stages 2, 3, 4 and of the end, in the frame of the start.
+    :param h: length of the interval [s].
+    :param force: specific forces at the start and at the end [m/s^2], each in the body then.
+    """
     q2, q3, q4, dq = stages
     a1, middle = force[0], mean(*force)
     a2, a3, a4 = rotate(q2, middle), rotate(q3, middle), rotate(q4, force[1])

@@ -321,12 +321,14 @@ def covariance_after_rest(
     :param gravity: (3,) gravity in the world, along z [m/s^2].
     :param rate_hz: readings per second; it decides how far rounding averages out.
     :param mount: mount of the IMU in the body.
-    :returns: that of the IMU's state.
+    :returns: covariance of the errors of the IMU's pose, velocity and biases.
     """
     covariance = Covariance(noise)
     p, slow = covariance.matrix, covariance.slow
     r_wi = r_wb if mount == ALIGNED else r_wb @ rotation.to_matrix(mount.q_bi)
     slow.act_on(ZERO_VECTOR, float_vector(-r_wi.T @ np.asarray(gravity)))
+    # Each slow error has unit variance: the variance of its mean over the rest, and the covariance
+    # of that mean with its value at the end, both (m,); their effects on the readings (3, m).
     mean, end = slow.over(time)
     gyro, accel = slow.effect[:3], slow.effect[3:]
     # A walk w of density K is off its mean over the rest by K^2 T / 3; E[mean(w) w] = K^2 T / 2.

@@ -29,6 +29,7 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.covariance_terms import mean_factors
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
@@ -96,7 +97,8 @@ class SlowErrorsOfIntervals:
         additions = np.zeros_like(jacobian)
         if self._variances:
             ends, sums = np.concatenate(self._ends), np.concatenate(self._sums)
-            chosen = np.r_[0 : len(ends) - 1 : -(-(len(ends) - 1) // _MAX_PIECES), len(ends) - 1]
+            latest = len(ends) - 1
+            chosen = np.r_[0 : latest : ceil_divide(latest, _MAX_PIECES), latest]
             ends, sums = ends[chosen].T, sums[chosen].swapaxes(0, 1)
             size = max(1, _AT_ONCE // len(chosen) ** 2)
             for start in range(0, len(additions), size):

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.places.geometry import Rectangle
@@ -31,7 +32,7 @@ def clouds(sky: Rectangle, shape: tuple[int, int], seed: int, contrast: float) -
     :param contrast: factor of the difference between clouds and sky.
     """
     rows, columns = shape
-    directions = _directions(sky, (-(-rows // _STEP), -(-columns // _STEP)))
+    directions = _directions(sky, (ceil_divide(rows, _STEP), ceil_divide(columns, _STEP)))
     stream = generator(seed, "place.clouds")
     total = np.zeros(directions.shape[:2], np.float32)
     for wide, high, amplitude in _LAYERS:

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS, WORLD_FRAME
 from imu_sim_ros.core.errors import MissingDependencyError
 from imu_sim_ros.core.records import States
@@ -103,7 +104,7 @@ class FlightView:
         """Add a path: its line, and a body that moves along it."""
         rr, colour = self._rr, _COLOURS[self._paths % len(_COLOURS)]
         self._paths += 1
-        stride = max(1, -(-len(poses.t_ns) // _MAX_POINTS))
+        stride = max(1, ceil_divide(len(poses.t_ns), _MAX_POINTS))
         line = rr.LineStrips3D([poses.position[::stride]], colors=[colour], radii=[_RADIUS])
         self._recording.log(f"{WORLD_FRAME}/{name}/path", line, static=True)
         self._columns(

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS, TRUTH_COLOUR
 from imu_sim_ros.core.types import Array, Keywords
 from imu_sim_ros.plots import style
@@ -109,7 +110,7 @@ def _legend(figure: Figure, axes: Sequence[Axes], finals: Mapping[str, str]) -> 
     handles, labels = axes[0].get_legend_handles_labels()
     texts = [finals.get(label, label) for label in labels]
     columns = min(3, len(texts))
-    lines = -(-len(texts) // columns)
+    lines = ceil_divide(len(texts), columns)
     grid.set_height_ratios([1.0] * (grid.nrows - 1) + [0.03 + 0.07 * (lines + bool(finals))])
     title = "position error at the end" if finals else None
     row.legend(handles, texts, loc="center", ncols=columns, frameon=False, title=title)
@@ -218,5 +219,5 @@ def _looks(names: Sequence[str]) -> dict[str, Keywords]:
 
 def _thin(values: Array) -> Array:
     """Return at most some thousand rows, the last one among them: a picture shows no more."""
-    step = -(-len(values) // _MAX_POINTS)
+    step = ceil_divide(len(values), _MAX_POINTS)
     return values[(len(values) - 1) % step :: step]

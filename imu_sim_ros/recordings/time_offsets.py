@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.blocks import blocks
+from imu_sim_ros.core.blocks import blocks, ceil_divide
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.timebase import seconds_since
@@ -299,7 +299,7 @@ class _Pair:
         ends = np.stack([t[:-steps], t[steps:]])
         common = (ends[0] >= LARGEST) & (ends[1] <= float(reference.t[-1]) - LARGEST)
         rows = np.flatnonzero(common)
-        rows = rows[:: max(-(-len(rows) // _POINTS), steps // 2, 1)]
+        rows = rows[:: max(ceil_divide(len(rows), _POINTS), steps // 2, 1)]
         if steps * intervals[1] > _LONGEST_WINDOW:
             raise UnknownOffsetError("the rates of both are too low: 4 Hz at least are needed")
         if len(rows) < _FEWEST or t[rows[-1]] - t[rows[0]] < _SHORTEST:

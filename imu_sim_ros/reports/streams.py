@@ -20,6 +20,7 @@ from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.errors import ImuSimError, InputError
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array, Bytes, Mask, Times
@@ -125,7 +126,7 @@ def _small(topic: TopicInfo, message: Message) -> Bytes:
     raw = topic.type == IMAGE
     image = pixels(topic.name, message) if raw else decode_image(bytes(message.data))
     image = np.asarray(image[..., :3] if image.ndim == 3 else image)
-    binning = max(1, -(-image.shape[1] // _WIDTH))
+    binning = max(1, ceil_divide(image.shape[1], _WIDTH))
     height, width = (size // binning * binning for size in image.shape[:2])
     if not height or not width:
         binning, (height, width) = 1, image.shape[:2]
@@ -259,7 +260,9 @@ def analyse(blocks: Iterable[Readings], count: int) -> StreamPlots | None:
             if analysis is None:
                 assert clock.pattern is not None
                 interval = clock.pattern.interval_ns * 1e-9
-                analysis = _Analysis(int(stretch.t_ns[0]), interval, max(1, -(-count // PARTS)))
+                analysis = _Analysis(
+                    int(stretch.t_ns[0]), interval, max(1, ceil_divide(count, PARTS))
+                )
             analysis.add(stretch)
     except _NoPlotsError:  # a finding tells it
         return None

@@ -73,11 +73,11 @@ class GeodeticPosition(NamedTuple):
     """Position of a body on the Earth; all (n,)."""
 
     latitude: Array
-    """Geodetic [rad]."""
+    """Geodetic latitude [rad]."""
     longitude: Array
-    """[rad], not wrapped."""
+    """Longitude, not wrapped to +-pi [rad]."""
     height: Array
-    """Above the ellipsoid [m]."""
+    """Height above the ellipsoid [m]."""
 
 
 class OverGround(NamedTuple):

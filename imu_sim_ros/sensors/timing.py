@@ -56,8 +56,8 @@ class SampleTimes:
         """
         intervals = (t - self._offset - self._span) * self._exact_rate
         if self._span:
-            return max(intervals.numerator // intervals.denominator + 1, 0)
-        return max(-(-intervals.numerator // intervals.denominator), 0)
+            return max(math.floor(intervals) + 1, 0)
+        return max(math.ceil(intervals), 0)
 
     def time(self, index: int) -> Fraction:
         """Return the time of a sample since the start [s]."""

@@ -280,7 +280,7 @@ class Body:
                 raise ConfigurationError(
                     f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
                 )
-            # One that no IMU has with it is hit whichever IMU is meant.
+            # A sensor that belongs to no IMU is hit whatever IMU is named.
             target = self.sensors[name]
             of_imu = (
                 target.space.rstrip("/")

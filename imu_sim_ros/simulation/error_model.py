@@ -92,10 +92,10 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         """The last reading, if its sample was made in numbers."""
 
     def read_few(self, readings: Sequence[LiveReading]) -> Samples | None:
-        """Return the samples of a few readings, at least one; None: :meth:`read` must take them.
+        """Return the samples of a few readings, at least one; None: :meth:`read` must be called.
 
-        It must where there is more to do than to add errors: at the start, after a gap or a jump
-        of the stamps, with input from another place of the body.
+        It must be called if more is to be done than to add errors: at the start, after a gap or a
+        jump of the stamps, and for input from another place of the body.
         """
         imu, times = self._imu, [reading.t_ns for reading in readings]
         if imu is None or not self._follow(times):
@@ -106,9 +106,10 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         return samples
 
     def read_numbers(self, readings: Sequence[LiveReading]) -> list[LiveReading] | None:
-        """Return a few readings, at least one, with errors, without their truth, as delivered.
+        """Return the samples of a few readings, at least one, as delivered and without truth.
 
-        None: it takes :meth:`read_few` or :meth:`read`.
+        They are computed with plain numbers, which is faster than arrays of a few rows. The result
+        is None, and no state has changed, if :meth:`read_few` or :meth:`read` must be called.
         """
         imu, times = self._imu, [reading.t_ns for reading in readings]
         if imu is None or not self._follow(times):

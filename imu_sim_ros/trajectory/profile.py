@@ -15,21 +15,29 @@ class Derivatives(NamedTuple):
     """A function of time and its first two derivatives, each (n,)."""
 
     value: Array
+    """(n,) values in the unit of the quantity."""
     first: Array
+    """(n,) first derivatives [unit / s]."""
     second: Array
+    """(n,) second derivatives [unit / s^2]."""
 
 
 class Phase(NamedTuple):
-    """A time span over which a rate changes from one value to another."""
+    """A time span over which the rate of a quantity changes from one value to another.
+
+    The quantity is an angle [rad] or a time of the trajectory [s]; its rate is per second.
+    """
 
     length: float
     """Length [s]; infinite for a last phase that never ends."""
     first_rate: float
+    """Rate at the start of the phase [unit of the quantity / s]."""
     last_rate: float
+    """Rate at the end of the phase [unit of the quantity / s]."""
 
     @property
     def change(self) -> float:
-        """Change of the quantity over the whole phase."""
+        """Change of the quantity over the whole phase [its unit]."""
         if self.first_rate == self.last_rate == 0.0:
             return 0.0
         return 0.5 * (self.first_rate + self.last_rate) * self.length
@@ -67,7 +75,7 @@ class RateProfile:
         length, change = self._lengths[phase], self._changes[phase]
         first_rate = self._first_rates[phase]
         elapsed = t - self._times[phase]
-        # Outside a ramp x is of no meaning and its factor is 0.
+        # In a phase of constant rate x has no meaning, and ``change``, its factor, is 0.
         x = np.clip(elapsed / length, 0.0, 1.0)
         ramp = smooth_step(x)
         return Derivatives(
@@ -78,11 +86,14 @@ class RateProfile:
 
 
 class Step(NamedTuple):
-    """The smooth step from 0 to 1, its derivative, and its integral from 0."""
+    """The smooth step from 0 to 1, of a dimensionless x, at n places."""
 
     value: Array
+    """(n,) step, 0 to 1."""
     slope: Array
+    """(n,) its derivative by x."""
     integral: Array
+    """(n,) its integral from 0 to x."""
 
 
 def smooth_step(x: Array) -> Step:

@@ -89,8 +89,11 @@ class DeviationAccumulator:
         self._totals: defaultdict[int, Array] = defaultdict(lambda: np.zeros(axes))
         """Sums (axes,) of squared second differences by size of the cluster."""
         self._terms: defaultdict[int, int] = defaultdict(int)
+        """Number of these differences by size of the cluster."""
         self._longest = 0
+        """Samples of the longest piece so far."""
         self._short = [int(m) for m in cluster_sizes(3 * _SHORT)]
+        """Sizes of the short clusters, ascending."""
         self._stored: list[Array] = []
         """Phases (n,) of the piece by axis."""
         self._count = 0
@@ -142,15 +145,20 @@ class DeviationAccumulator:
         self._stored_count = end
 
     def end_piece(self) -> None:
-        """Close the piece: the next readings are not connected to it."""
+        """Close the piece: the next readings are not connected to it.
+
+        Second differences over short clusters are summed already by :meth:`add`; those over longer
+        ones are summed here, from every ``_stride``-th phase, which was stored.
+        """
+        longest_short = self._short[-1]
         for size in cluster_sizes(self._count).tolist():
-            if size > self._short[-1]:
-                m = size // self._stride
+            if size > longest_short:
+                m = size // self._stride  # length of the cluster in stored phases
                 terms = self._stored_count - 2 * m
                 sums = [_sum_of_squares(stored[None], m, 0, terms) for stored in self._stored]
                 self._totals[size] += np.concatenate(sums)
                 self._terms[size] += terms
-        self._stored = []  # its memory serves what follows
+        self._stored = []  # frees the memory before the next piece
         self._longest = max(self._longest, self._count)
         self._count = 0
 
@@ -188,7 +196,11 @@ def degrees_of_freedom(samples: int, size: Integers) -> Array:
 
 
 def confidence_factors(samples: int, size: Integers) -> tuple[Array, Array]:
-    """Return the (m, 1) factors from the deviation to the ends of its 95 % band (chi-square)."""
+    """Return the factors (m, 1) from the deviation to the ends of its 95 % band (chi-square).
+
+    :param samples: number of samples of the record.
+    :param size: (m,) numbers of samples per cluster.
+    """
     from scipy.special import gammaincinv  # scipy.stats has chi2.ppf, but takes long to import
 
     half = 0.5 * degrees_of_freedom(samples, size)

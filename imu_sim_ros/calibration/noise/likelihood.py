@@ -252,20 +252,22 @@ def fit(
 ) -> Fits:
     """Return the best fit of each of k models: the better one of two first guesses.
 
+    :param data: m rows of a spectrum.
     :param design: (m, p) expectation of the rows for each component, or (k, m, p) of each model.
     :param fixed: (k, p) components with a fixed value, NaN if free; None: all are free.
     :param slope: (k,) given slope of the trend, NaN if it is estimated; a number: that of all.
     :param restricted: integrate the trend out.
     """
     guesses = data.first_guesses
-    of_models = design.ndim == 3
-    shape = (len(design) if of_models else 1, design.shape[-1])
-    models = np.full(shape, np.nan) if fixed is None else np.atleast_2d(fixed)
-    count = len(models)
+    has_design_by_model = design.ndim == 3
+    shape = (len(design) if has_design_by_model else 1, design.shape[-1])
+    fixed_by_model = np.full(shape, np.nan) if fixed is None else np.atleast_2d(fixed)
+    count = len(fixed_by_model)
+    # One fit for each guess and model: all models with the first guess come first.
     fits = fit_many(
         data,
-        np.tile(design, (len(guesses), 1, 1)) if of_models else design,
-        np.tile(models, (len(guesses), 1)),
+        np.tile(design, (len(guesses), 1, 1)) if has_design_by_model else design,
+        np.tile(fixed_by_model, (len(guesses), 1)),
         slope=np.tile(np.broadcast_to(slope, count), len(guesses)),
         guess=np.repeat(guesses, count, axis=0),
         restricted=restricted,

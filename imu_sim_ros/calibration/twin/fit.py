@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.model import COUNT, Errors, KnownMotion, MotionAt
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.types import Array, Integers
 
 Indices = NDArray[np.intp]
@@ -119,15 +120,15 @@ class Fit(NamedTuple):
 
     errors: Errors
     covariance: Array
-    """(42, 42) covariance of the parameters."""
+    """(42, 42) covariance of the parameters, in the order of :meth:`Errors.step`."""
     residuals: Array
-    """(n, 6) reading minus model."""
+    """(n, 6) readings minus model, gyroscope [rad/s] and accelerometer [m/s^2]."""
     reference: float
     """Stamp of the offset [s]."""
     wander: Array
     """(n,) deviation of the truth's clock from offset and skew [s]."""
     slope: Array
-    """(n, 6) rate of change of the modelled readings [1/s]."""
+    """(n, 6) time derivatives of the modelled readings [rad/s^2, m/s^3]."""
     noise_shift: Array
     """(42,) shift of each parameter by the correction for the poses' noise, in standard errors."""
     settled: bool
@@ -482,7 +483,7 @@ def _segments(pieces: tuple[slice, ...]) -> list[slice]:
     """Return the rows of segments of about equal length into which the pieces are divided."""
     segments = []
     for piece in pieces:
-        count = -(-(piece.stop - piece.start) // _SEGMENT)
+        count = ceil_divide(piece.stop - piece.start, _SEGMENT)
         edges = np.linspace(piece.start, piece.stop, count + 1).astype(int).tolist()
         segments += [slice(a, b) for a, b in pairwise(edges)]
     return segments

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.types import Array, Complex, Mask
 
 _TAPERS: Final = 5
@@ -117,7 +118,7 @@ def segments(pieces: Sequence[slice]) -> list[slice]:
     result = []
     for piece in pieces:
         size = piece.stop - piece.start
-        count = -(-size // _LONGEST)
+        count = ceil_divide(size, _LONGEST)
         edges = np.linspace(piece.start, piece.stop, count + 1).astype(int).tolist()
         if size // max(count, 1) >= _SHORTEST:
             result += [slice(a, b) for a, b in pairwise(edges)]

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import Array
@@ -224,7 +225,7 @@ def _place(p: PlaceParameters, passage: Passage) -> Scene:
     extent = float(np.linalg.norm(high - low))
     lines = np.zeros((0, 2, 3))
     crowd = _crowd(p, place, site, passage)
-    painter = Painter(place, site, path[:: -(-len(path) // _SIGHTS)])
+    painter = Painter(place, site, path[:: ceil_divide(len(path), _SIGHTS)])
     return Scene(
         landmarks=landmarks,
         normals=normals,

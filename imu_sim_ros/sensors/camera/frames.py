@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 import numpy as np
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.sensors.camera.images.libraries import opencv
@@ -135,7 +136,7 @@ def visibility_mask(mounted: Mounted[CameraParameters], world: World, t: Array) 
     visible: Mask = np.zeros(len(t), np.bool_)
     for count in _LANDMARKS:
         rows = np.flatnonzero(~visible)
-        step = -(-len(scene.landmarks) // count) or 1
+        step = ceil_divide(len(scene.landmarks), count) or 1
         sparse = scene._replace(landmarks=scene.landmarks[::step], normals=scene.normals[::step])
         t_ns = view.t0_ns + np.rint(t[rows] * 1e9).astype(np.int64)
         frames = Frames(

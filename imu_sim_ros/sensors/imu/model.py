@@ -139,8 +139,8 @@ class Imu:
         """Return the next n samples of ideal readings from outside the simulation.
 
         Errors that depend on time follow the samples' indices, so that they are those of
-        :meth:`read`; stamps, latency and losses are those of the given times. Few samples at a time
-        get what is made for the rest of a chunk, many get their own.
+        :meth:`read`; stamps, latency and losses are those of the given times. For short calls the
+        additive errors are drawn ahead, for a chunk of ``AHEAD`` samples at once.
 
         :param true_t_ns: (n,) true times of the samples [ns].
         :param motion: motion of the body at these times, NaN if it is not known.
@@ -151,17 +151,10 @@ class Imu:
         start, count, m = self._timing.position, len(true_t_ns), self._ratio
         if self._made_ahead and self._ahead.end <= start and 0 < count < AHEAD:
             self._look_ahead(start, world)
-        remaining = self._ahead.end - start
-        if 0 < remaining < count:
-            parts = []
-            for rows in (slice(0, remaining), slice(remaining, count)):
-                part_motion = Motion(*(values[rows] for values in motion))
-                parts.append(
-                    self.apply(true_t_ns[rows], part_motion, gyro[rows], accel[rows], world)
-                )
-            self.latest = join_samples(parts)
-            return self.latest
-        if remaining > 0:
+        drawn_ahead = self._ahead.end - start
+        if 0 < drawn_ahead < count:
+            return self._apply_in_two_parts(drawn_ahead, true_t_ns, motion, gyro, accel, world)
+        if drawn_ahead > 0:
             rows = slice(start - self._ahead.start, start - self._ahead.start + count)
             temperature = self._ahead.temperature[rows]
             additions = [errors.at(rows) for errors in self._ahead.additions]
@@ -176,6 +169,28 @@ class Imu:
         ideal = (gyro[m - 1 :: m], accel[m - 1 :: m])
         return self._samples(start, true_t_ns, motion, ideal, temperature, readings)
 
+    def _apply_in_two_parts(
+        self,
+        drawn_ahead: int,
+        true_t_ns: Times,
+        motion: Motion,
+        gyro: Array,
+        accel: Array,
+        world: World,
+    ) -> Samples:
+        """Return samples as :meth:`apply`: those whose errors are drawn already, then the rest.
+
+        Errors are drawn ahead only for sensors with one reading inside for each sample.
+
+        :param drawn_ahead: number of the samples whose errors are drawn, above 0.
+        """
+        parts = []
+        for rows in (slice(0, drawn_ahead), slice(drawn_ahead, len(true_t_ns))):
+            part_motion = Motion(*(values[rows] for values in motion))
+            parts.append(self.apply(true_t_ns[rows], part_motion, gyro[rows], accel[rows], world))
+        self.latest = join_samples(parts)
+        return self.latest
+
     def apply_few(
         self, times: Sequence[int], readings: Sequence[LiveReading], motion: Motion, world: World
     ) -> Samples | None:
@@ -185,7 +200,8 @@ class Imu:
         calls of NumPy as arrays of thousands, several for each error of the sensor.
 
         :param times: stamps of the readings [ns].
-        :returns: None where faults, a filter or errors that depend on the force need arrays.
+        :returns: None if faults, a filter or errors that depend on the force need arrays: then
+            :meth:`apply` must be called.
         """
         if not self._plain or self._timing.faults.windows:
             return None
@@ -206,7 +222,7 @@ class Imu:
         The numbers are those of :meth:`apply`, and all of them are delivered at once.
 
         :param times: stamps of the readings, at least one [ns].
-        :returns: None where it takes :meth:`apply_few` or :meth:`apply`.
+        :returns: None if :meth:`apply_few` or :meth:`apply` must be called instead.
         """
         start = self._timing.position
         stamps = self._timing.steady_stamps(start, times) if self._plain else None

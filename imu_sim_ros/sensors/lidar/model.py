@@ -26,6 +26,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import AnyArray, Array, Integers, Mask, Single
@@ -97,7 +98,7 @@ def visibility_mask(mounted: Mounted[LidarParameters], world: World, t: Array) -
     motion = world.trajectory.sample(t)
     position, q_ws = lidar.position(motion), lidar.attitude(motion)
     targets = Targets(world.scene, p.reflectivity)
-    some = np.arange(0, len(pattern.time), -(-len(pattern.time) // _LOOKS))
+    some = np.arange(0, len(pattern.time), ceil_divide(len(pattern.time), _LOOKS))
 
     def returns(k: int, rays: Integers) -> bool:
         direction = rotation.rotate(q_ws[k : k + 1], pattern.directions(float(t[k]))[rays])

@@ -130,11 +130,16 @@ class Iron(NamedTuple):
 
 
 def iron(unit: MagnetometerParameters) -> Iron:
-    """Return the disturbances of one magnetometer, whose constants are drawn."""
+    """Return the disturbances of one magnetometer in its axes m, from those in the IMU's axes i.
+
+    :param unit: parameters after :func:`realise_magnetometer`: its random constants are drawn.
+    """
     r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
-    soft_and_hard = np.reshape(unit.soft_iron, (3, 3)), np.array(unit.hard_iron)
+    soft_iron = np.reshape(unit.soft_iron, (3, 3))
     return Iron(
-        r_mi @ soft_and_hard[0], r_mi @ soft_and_hard[1], r_mi @ np.array(unit.current_coupling)
+        response=r_mi @ soft_iron,
+        hard=r_mi @ np.array(unit.hard_iron),
+        coupling=r_mi @ np.array(unit.current_coupling),
     )
 
 
@@ -153,9 +158,7 @@ def read_field(
     additions: Additions,
     faults: FaultSchedule | None = None,
 ) -> dict[str, Array]:
-    """Return the next n samples and their truth, from ideal fields.
-
-    The magnetometer is one, or a batch.
+    """Return the next n samples of one magnetometer or of a batch, and their truth, by name [T].
 
     :param triad: errors of the sensor.
     :param iron_effects: disturbances of the sensor.

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.types import Array
 
 Indices = NDArray[np.int64]
@@ -48,7 +49,7 @@ class RunningProduct:
         all_factors = np.concatenate([self._waiting, factors])
         count = len(all_factors)
         self._waiting = np.copy(all_factors[count // _CHUNK * _CHUNK :])
-        chunks = -(-count // _CHUNK)
+        chunks = ceil_divide(count, _CHUNK)
         width = _CHUNK
         if chunks == 1:  # short blocks do not fill a chunk, and later entries are not needed
             width = count

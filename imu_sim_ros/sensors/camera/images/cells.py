@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.types import Integers, Single
 from imu_sim_ros.sensors.camera.images.loops import (
     LEVELS,
@@ -60,7 +61,7 @@ class CellGrid:
         self._bent = np.float32(max(_BENT, 0.25 * angle))
         self.rows, self.columns = (length - 1 for length in corners.rays.shape[1:])
         self._corners = corners
-        self._tiles = -(-self.rows // TILE) + 1, -(-self.columns // TILE) + 1
+        self._tiles = ceil_divide(self.rows, TILE) + 1, ceil_divide(self.columns, TILE) + 1
 
     def pairs(self, planes: Planes) -> Pairs:
         """Return the pairs of cells and rectangles that may be visible in them."""

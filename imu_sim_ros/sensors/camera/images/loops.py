@@ -740,10 +740,17 @@ def _lamp_share(
     to: Ray,
     blur: np.float32,
 ) -> np.float32:
-    """Return the share of a highlight's middle that a lamp has.
+    """Return the brightness of a lamp's highlight at a point, over that at its middle, 0 to 1.
 
-    :param ray: from the eye to what mirrors, along each direction of the face.
-    :param to: from there to the lamp's middle.
+    The mirrored ray meets the plane of the lamp; along each of its two sides the highlight is the
+    lamp's extent, blurred by the lobe of the surface.
+
+    :param source: the lamp, with the ``halves`` of its sides [m].
+    :param sight: position and axes of the lamp as the face sees it: along its sides, and normal.
+    :param ray: vector from the eye to the point [m], mirrored: across, up and normal to the face.
+    :param away: length of the ray [m].
+    :param to: vector from the point to the middle of the lamp, in the same axes [m].
+    :param blur: half-width of the lobe's smooth step [rad].
     """
     steepness, height = _project(sight.axes[2], ray), _project(sight.axes[2], to)
     if not height * steepness > _ZERO:

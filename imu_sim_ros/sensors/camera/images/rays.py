@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.types import Array, Integers, Single
 from imu_sim_ros.sensors.camera.images.loops import CELL
 from imu_sim_ros.sensors.camera.model import CameraModel
@@ -41,7 +42,7 @@ class PixelRays:
     @cached_property
     def bands(self) -> list[slice]:
         """Ranges of rows of cells that are processed at once, each of whole pixels."""
-        count, step = -(-self.height // CELL), self.scale // math.gcd(self.scale, CELL)
+        count, step = ceil_divide(self.height, CELL), self.scale // math.gcd(self.scale, CELL)
         size = step * max(1, _BAND // (step * CELL * self.width))
         return [slice(k, min(k + size, count)) for k in range(0, count, size)]
 

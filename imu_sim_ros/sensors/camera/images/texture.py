@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.random_streams import generator_at
 from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.places.bodies import Crowd
@@ -195,7 +196,7 @@ def _shapes_of_levels(height: int, width: int) -> Iterator[tuple[int, int]]:
     """Yield the shapes of a texture and its mip levels."""
     for _ in range(LEVELS):
         yield height, width
-        height, width = -(-height // 2), -(-width // 2)
+        height, width = ceil_divide(height, 2), ceil_divide(width, 2)
 
 
 def _next_level(finer: Bytes) -> Bytes:
@@ -241,7 +242,7 @@ def _blocks(seed: int, number: int, height: int, width: int) -> Bytes:
     grids = []
     for cell, weight in _CELLS:
         stream = generator_at(seed, f"scene.texture.{cell}", number)
-        shape = -(-height // cell), -(-width // cell)
+        shape = ceil_divide(height, cell), ceil_divide(width, cell)
         grids.append(weight * stream.integers(0, 256, shape, dtype=np.int32))
     everything = sum(weight for _, weight in _CELLS)
     result = np.empty((height, width), np.uint8)
@@ -265,7 +266,7 @@ def _colour(parameters: SceneParameters, number: int, texture: Bytes) -> Bytes:
     total = np.repeat(texture[..., None], 3, axis=2).astype(np.int16)
     for cell in _TINT_CELLS:
         stream = generator_at(parameters.seed, f"scene.tint.{cell}", number)
-        shape = (-(-height // cell), -(-width // cell), 3)
+        shape = (ceil_divide(height, cell), ceil_divide(width, cell), 3)
         tint = stream.integers(-_TINT, _TINT + 1, shape, dtype=np.int16)
         total += tint.repeat(cell, axis=0).repeat(cell, axis=1)[:height, :width]
     return np.clip(total, 0, 255).astype(np.uint8)
