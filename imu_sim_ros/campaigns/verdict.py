@@ -34,6 +34,7 @@ from imu_sim_ros.campaigns.effects import (
     WORSE,
     Effect,
 )
+from imu_sim_ros.campaigns.gate import Requirement
 from imu_sim_ros.campaigns.metrics import (
     HIGHER,
     SUCCESS,
@@ -316,34 +317,8 @@ def judge(
     # Contests of the main factor first.
     contests.sort(key=lambda contest: contest.factor != factor)
     requirements = check_requirements(groups, plan.require, len(plan.seeds))
-    unmatched = [
-        f"require {requirement.text}: no run of these cells is there"
-        for requirement in plan.require
-        if not any(requirement.concerns(group.labels) for group in groups)
-    ]
-    if baseline_effects is not None and not baseline_effects:
-        unmatched.append("the baseline has no run in common with this plan")
-    worse = []
-    for effect in baseline_effects or ():
-        if effect.verdict == WORSE:
-            worse.append(f"worse than the baseline: {effect.line(metric)}")
-        elif effect.non_inferior is False:
-            prefix = f"not proven to be less than {rule.margin} worse than the baseline"
-            worse.append(f"{prefix}: {effect.line(metric)}")
-    unproven = []
-    if baseline_effects and rule.margin is not None:
-        compared = {effect.a for effect in baseline_effects}
-        missing_names = [name for name in map(_full_name, groups) if name not in compared]
-        unproven = [f"not proven, the baseline has no such run: {name}" for name in missing_names]
     mistakes = estimate_findings(groups)
-    # An estimate that copies the truth passes any gate, so it is named where there is one.
-    copies = [
-        f"{mistake.cell}; {mistake.estimator}: {mistake.runs} runs: {mistake.finding}: "
-        "their errors "
-        "say nothing about the estimator"
-        for mistake in mistakes
-        if (plan.require or baseline is not None) and mistake.finding.endswith(_COPY)
-    ]
+    has_gate = bool(plan.require) or baseline is not None
     return Judgement(
         metric=metric,
         better=rule.better,
@@ -359,11 +334,67 @@ def judge(
         requirements=requirements,
         baseline=baseline_effects,
         unmet=unmet_lines(plan.require, requirements),
-        unmatched=unmatched,
-        worse=worse,
-        unproven=unproven,
-        copies=copies,
+        unmatched=_unmatched_lines(plan.require, groups, baseline_effects),
+        worse=_worse_lines(baseline_effects or (), rule),
+        unproven=_unproven_lines(groups, baseline_effects or (), rule),
+        copies=_copy_lines(mistakes) if has_gate else [],
     )
+
+
+def _unmatched_lines(
+    require: Sequence[Requirement], groups: Sequence[Group], baseline: Sequence[Effect] | None
+) -> list[str]:
+    """Return a line for each requirement that concerns no group, and for an unrelated baseline.
+
+    :param baseline: effects against the baseline; None: there is no baseline.
+    """
+    lines = [
+        f"require {requirement.text}: no run of these cells is there"
+        for requirement in require
+        if not any(requirement.concerns(group.labels) for group in groups)
+    ]
+    if baseline is not None and not baseline:
+        lines.append("the baseline has no run in common with this plan")
+    return lines
+
+
+def _worse_lines(baseline: Sequence[Effect], rule: Criterion) -> list[str]:
+    """Return a line for each group that is worse than in the baseline, or may be by the margin.
+
+    :param baseline: effects against the baseline.
+    """
+    lines = []
+    for effect in baseline:
+        if effect.verdict == WORSE:
+            lines.append(f"worse than the baseline: {effect.line(rule.metric)}")
+        elif effect.non_inferior is False:
+            prefix = f"not proven to be less than {rule.margin} worse than the baseline"
+            lines.append(f"{prefix}: {effect.line(rule.metric)}")
+    return lines
+
+
+def _unproven_lines(
+    groups: Sequence[Group], baseline: Sequence[Effect], rule: Criterion
+) -> list[str]:
+    """Return a line for each group that the baseline lacks, if non-inferiority is to be proven.
+
+    :param baseline: effects against the baseline; without any a single line says so elsewhere.
+    """
+    if not baseline or rule.margin is None:
+        return []
+    compared = {effect.a for effect in baseline}
+    missing_names = [name for name in map(_full_name, groups) if name not in compared]
+    return [f"not proven, the baseline has no such run: {name}" for name in missing_names]
+
+
+def _copy_lines(mistakes: Sequence[EstimateFinding]) -> list[str]:
+    """Return a line for each group whose estimates copy their truth, which would pass any gate."""
+    return [
+        f"{mistake.cell}; {mistake.estimator}: {mistake.runs} runs: {mistake.finding}: "
+        "their errors say nothing about the estimator"
+        for mistake in mistakes
+        if mistake.finding.endswith(_COPY)
+    ]
 
 
 def _full_name(group: Group) -> str:
@@ -627,7 +658,14 @@ def _are_ratios(pairs: Array, rule: Criterion) -> bool:
 
 
 def _unscale(interval: ConfidenceInterval, kind: str, higher: bool) -> ConfidenceInterval:
-    """Return a shift of losses as a ratio or difference of the metric's values."""
+    """Return a shift of losses as a ratio or difference of the metric's values.
+
+    Losses are the values, or the logarithms of values that are compared as a ratio; of a metric of
+    which higher values are better, the negatives of these.
+
+    :param kind: RATIO, or a difference.
+    :param higher: True if higher values of the metric are better.
+    """
     value, low, high = interval
     if higher:
         value, high, low = (None if end is None else -end for end in interval)

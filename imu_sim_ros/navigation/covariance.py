@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.components import Matrix, Vector, float_matrix, float_vector
 from imu_sim_ros.core.records import States
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
@@ -66,7 +66,7 @@ def _row_format(size: int, *filled: tuple[int, int]) -> str:
 
 
 @lru_cache(maxsize=16)
-def _transition_rows(size: int) -> struct.Struct:
+def _transition_layout(size: int) -> struct.Struct:
     """Return the layout of the entries of a step's transition matrix that are not always zero.
 
     They are in the rows of attitude, velocity and position; the rows of the biases are constant.
@@ -151,6 +151,74 @@ class _WhiteNoise:
             p[row : row + 3, row : row + 3] += (turned * variance).dot(turned.T)
 
 
+class _Transition:
+    """The transition [F G H] of a step (15, 15 + m): from the errors, and from m slow errors.
+
+    All attributes are views of one matrix, so that :meth:`set` changes them together.
+    """
+
+    def __init__(self, width: int) -> None:
+        """Start with the identity, and without effect of the slow errors.
+
+        :param width: 15 + m, the number of columns.
+        """
+        matrix = np.eye(SIZE, width)
+        self._layout, self._memory = _transition_layout(width), matrix.data
+        self.from_errors = matrix[:, :SIZE]
+        """(15, 15) F, from the errors to the errors."""
+        self.from_bias = matrix[:9, GYRO_BIAS.start : SIZE]
+        """(9, 6) G, from the biases to attitude, velocity and position."""
+        self.from_slow = matrix[:9, SIZE:]
+        """(9, m) G H, from the slow errors to attitude, velocity and position."""
+        self.transposed = matrix.T
+        """(15 + m, 15) the whole matrix, transposed."""
+        self.of_attitude_and_velocity = matrix[:6]
+        """(6, 15 + m) rows of attitude and velocity."""
+
+    def set(self, h: float, r_wb: Matrix[float], force_b: Vector[float]) -> None:
+        """Set F; G H becomes zero. The rows of the biases are constant.
+
+        :param h: length of the step [s].
+        :param r_wb: attitude in the step, row by row.
+        :param force_b: specific force in the step, in the body [m/s^2].
+        """
+        self._layout.pack_into(self._memory, 0, *_transition_entries(h, r_wb, force_b))
+
+
+class _Propagated:
+    """Memory of the product F [P C] (15, 15 + m) of a step, and views of its parts."""
+
+    def __init__(self, width: int) -> None:
+        """Reserve the memory.
+
+        :param width: 15 + m, the number of columns.
+        """
+        self.matrix = np.empty((SIZE, width))
+        """(15, 15 + m) F [P C]."""
+        self.errors = self.matrix[:, :SIZE]
+        """(15, 15) F P."""
+        self.slow = self.matrix[:, SIZE:]
+        """(15, m) F C."""
+        self.slow_of_motion = self.slow[:9]
+        """(9, m) F C in the rows of attitude, velocity and position, which G H is added to."""
+
+
+def _attitude_and_rate_places(rate_errors: Integers, width: int) -> Integers:
+    """Return the places (6, n) in [P C], row by row, of covariances for the second order.
+
+    They are those of attitude and gyroscope bias with these and the slow errors of the rate.
+
+    :param rate_errors: (n - 6,) indices of the gyroscope's errors among the slow errors.
+    :param width: 15 + m, the number of columns of [P C].
+    """
+    errors = (0, 1, 2, 9, 10, 11, *(SIZE + rate_errors))
+    rows, columns = np.meshgrid(errors[:6], errors, indexing="ij")
+    # P of a bias with the attitude is taken from above the diagonal.
+    lower = (rows >= GYRO_BIAS.start) & (columns < ATTITUDE.stop)
+    rows, columns = np.where(lower, columns, rows), np.where(lower, rows, columns)
+    return np.asarray(rows * width + columns)
+
+
 class Covariance:
     """The covariance of the error state, step by step."""
 
@@ -174,19 +242,9 @@ class Covariance:
             self.matrix[:] = initial
         if cross is not None:
             self.slow.cross[:] = cross
-        self._transition = np.eye(SIZE, width)
-        """[F G H], of errors and slow errors; the rows of the biases are constant."""
-        self._rows = _transition_rows(width)
-        # Views of the transition: F, G, G H, its transpose, its rows of attitude and velocity.
-        self._of_errors = self._transition[:, :SIZE]
-        self._by_bias = self._transition[:9, GYRO_BIAS.start : SIZE]
-        self._by_slow = self._transition[:9, SIZE:]
-        self._by_start, self._passing = self._transition.T, self._transition[:6]
-        self._moved = np.empty((SIZE, width))
-        """F [P C], of which the next three are views: F P, F C, and the rows that gain G H."""
-        self._moved_p, self._moved_c = self._moved[:, :SIZE], self._moved[:, SIZE:]
-        self._gained_c = self._moved_c[:9]
+        self._transition, self._propagated = _Transition(width), _Propagated(width)
         self._half = np.empty((SIZE, SIZE))
+        """Memory of half the propagated P, before its transpose is added."""
         self._white = _WhiteNoise(noise)
         self._jacobian = np.concatenate([_POSE, np.empty((6, SIZE))])
         """(12, 15) derivative of the errors of pose and twist by the state's."""
@@ -202,15 +260,10 @@ class Covariance:
         their mean, and (r,) share that remains at the end."""
         self._passed = np.empty((6, width))
         """The sum of the steps' transitions, its rows of attitude and velocity."""
-        errors = (0, 1, 2, 9, 10, 11, *(SIZE + self.slow.of_rate))
-        rows, columns = np.meshgrid(errors[:6], errors, indexing="ij")
-        # P of a bias with the attitude is taken from above the diagonal.
-        lower = (rows >= GYRO_BIAS.start) & (columns < ATTITUDE.stop)
-        rows, columns = np.where(lower, columns, rows), np.where(lower, rows, columns)
-        self._places = rows * width + columns
-        """(6, n) places in [P C] of the covariance of attitude and rate with all errors of rate."""
-        self._ends = [np.eye(len(errors)), np.eye(len(errors))]
-        """Two (n, n) covariances of the attitude with all errors of the gyroscope."""
+        self._places = _attitude_and_rate_places(self.slow.of_rate, width)
+        self._ends = [np.eye(3 + rates), np.eye(3 + rates)]
+        """Two (n, n) covariances of the attitude and all errors of the gyroscope: at the start of
+        the interval of second order, and at its end."""
         self._begin_interval(self._attitude_and_rates())
 
     def variances(self) -> list[float]:
@@ -254,30 +307,29 @@ class Covariance:
     ) -> None:
         """Propagate as :meth:`step` does, over components.
 
-        F is written into the transition, of which ``_of_errors``, ``_by_bias`` (G), ``_by_slow``
-        (G H) and ``_by_start`` (the transpose) are views. ``_moved`` becomes F [P C]; its parts F P
-        and F C are ``_moved_p`` and ``_moved_c``, and ``_gained_c`` the rows of F C that gain G H.
+        All products are written into memory that exists already: this runs once per reading.
         """
-        transition, p, slow = self._transition, self.matrix, self.slow
-        self._rows.pack_into(transition.data, 0, *_rows(h, r_wb, force_b))
-        moved = self._of_errors.dot(self._joint, self._moved)
+        transition, propagated = self._transition, self._propagated
+        p, slow = self.matrix, self.slow
+        transition.set(h, r_wb, force_b)
+        joint = transition.from_errors.dot(self._joint, propagated.matrix)  # F [P C]
         if slow:
             # With G H the transition of the slow errors, whose covariance is I, P becomes
             # F P F^T + F C (G H)^T + G H (F C)^T + G H (G H)^T. That is B + B^T with
             # B = [F P / 2, F C + G H / 2] [F, G H]^T, and C becomes F C + G H, decayed.
-            half_gain = slow.act(self._by_bias, rate_b, force_b)
-            np.add(half_gain, half_gain, self._by_slow)
-            self._moved_p *= 0.5
-            self._gained_c += half_gain
-            half = moved.dot(self._by_start, self._half)
+            half_gain = slow.act(transition.from_bias, rate_b, force_b)
+            np.add(half_gain, half_gain, transition.from_slow)
+            propagated.errors *= 0.5
+            propagated.slow_of_motion += half_gain
+            half = joint.dot(transition.transposed, self._half)
             np.add(half, half.T, p)
-            self._gained_c += half_gain
-            slow.decay_over(h, self._moved_c)
+            propagated.slow_of_motion += half_gain
+            slow.decay_over(h, propagated.slow)
         else:
-            moved.dot(self._by_start, p)
-        self._white.add_to(p, self._diagonal, h, self._by_bias)
+            joint.dot(transition.transposed, p)
+        self._white.add_to(p, self._diagonal, h, transition.from_bias)
         self._length += h
-        self._passed += self._passing
+        self._passed += transition.of_attitude_and_velocity
         if self._length >= _SECOND_ORDER_INTERVAL:
             self._update_second_order()
 
@@ -367,8 +419,11 @@ class Covariance:
         return covariance[:6, :6], twist
 
 
-def _rows(h: float, r_wb: Matrix[float], force_b: Vector[float]) -> tuple[float, ...]:
-    """Return the entries of a transition that depend on the step, in the order of `_ROWS`."""
+def _transition_entries(h: float, r_wb: Matrix[float], force_b: Vector[float]) -> tuple[float, ...]:
+    """Return the entries of a transition that depend on the step, row by row.
+
+    Their places are those of :func:`_transition_layout`. Arguments as for :meth:`_Transition.set`.
+    """
     a, b, c, d, e, g, i, j, k = r_wb
     fx, fy, fz = force_b
     fx, fy, fz = fx * h, fy * h, fz * h

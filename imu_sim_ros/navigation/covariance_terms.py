@@ -192,17 +192,20 @@ class SecondOrder:
         self.mean_square = np.zeros((_SIZE, _SIZE))
         """(9, 9) mean square of the errors of attitude, velocity and position."""
         self._mean, self._covariance = np.zeros(_SIZE), np.zeros((_SIZE, _SIZE))
+        """Mean (9,) and covariance (9, 9) of these errors."""
         self._with_state = np.zeros((_SIZE, n, n))
         """Covariances of the errors with the products of x."""
         self._with_ends = np.empty((_SIZE, 6, 6))
         """Covariances of the errors with the products of eta."""
         self._keep, self._forms = np.eye(_SIZE), np.empty((_SIZE, 36))
+        """(9, 9) L, by which the errors pass through an interval, and the forms that they gain."""
         self._forms[:3] = _TURNING
         self._keep_velocity = np.einsum("ii->i", self._keep[6:, 3:6])
         self._form_matrices = self._forms.reshape(_SIZE, 6, 6)
         self._shares = np.ones(n)
         """Share of x at the start that remains at the end."""
         self._products, self._eta = np.empty((n, 6)), np.empty((6, 6))
+        """E[x eta^T] with x at the end of an interval, and E[eta eta^T]."""
 
     @property
     def largest_sigma(self) -> float:
@@ -235,35 +238,55 @@ class SecondOrder:
         """
         if self._count == _TOGETHER:
             self._judge_attitudes()
-            self._largest_sigma = self.largest_sigma
         self._attitudes[self._count] = updated[:3, :3]
         self._count += 1
         self._set_interval(h, acceleration)
         self._shares[3:] = decay
-        keep, forms = self._keep, self._forms
-        products, eta = self._products, self._eta  # E[x eta^T], x at the end; E[eta eta^T]
-        at_end = np.multiply(previous[:, :3], self._shares[:, None], products[:, :3])
-        at_end[:3] += by_rates.dot(previous[3:, :3])
+        self._set_moments(previous, updated, by_rates)
+        self._advance_products(by_rates)
+        self._advance_errors()
+        self._add_forms_to_products()
+        self.mean_square = self._covariance + self._mean[:, None] * self._mean
+
+    def _set_moments(self, previous: Array, updated: Array, by_rates: Array) -> None:
+        """Set E[x eta^T] (n, 6), of x at the end, and E[eta eta^T] (6, 6); arguments of step."""
+        products, eta = self._products, self._eta
+        # x at the end with theta at the start: x decays, and theta gains from the rates.
+        end_with_start = np.multiply(previous[:, :3], self._shares[:, None], products[:, :3])
+        end_with_start[:3] += by_rates.dot(previous[3:, :3])
         products[:, 3:] = updated[:, :3]
         eta[:3, :3], eta[3:] = previous[:3, :3], products[:3]
-        eta[:3, 3:] = at_end[:3].T
+        eta[:3, 3:] = end_with_start[:3].T
+
+    def _advance_errors(self) -> None:
+        """Propagate mean and covariance of the errors: they become L times themselves plus forms.
+
+        The covariance of forms A and B of normal numbers eta is ``2 tr(A E B E)``, their mean
+        ``tr(A E)``, with E = E[eta eta^T].
+        """
+        keep, forms, eta = self._keep, self._forms, self._eta
         weighed = self._form_matrices @ eta
         transposed = weighed.swapaxes(1, 2).reshape(_SIZE, 36)
-        gained = weighed.reshape(_SIZE, 36).dot(transposed.T)
-        gained += gained  # the covariance of two forms of normal numbers is 2 tr(A C B C)
-        self._advance_products(by_rates)
-        crossed = keep.dot(self._with_ends.reshape(_SIZE, 36)).dot(forms.T)
+        form_covariance = weighed.reshape(_SIZE, 36).dot(transposed.T)
+        form_covariance += form_covariance
+        errors_with_forms = keep.dot(self._with_ends.reshape(_SIZE, 36)).dot(forms.T)
         self._covariance = keep.dot(self._covariance).dot(keep.T)
-        self._covariance += gained
-        self._covariance += crossed
-        self._covariance += crossed.T
+        self._covariance += form_covariance
+        self._covariance += errors_with_forms
+        self._covariance += errors_with_forms.T
         self._mean = keep.dot(self._mean) + forms.dot(eta.reshape(36))
-        moved = keep.dot(self._with_state.reshape(_SIZE, -1)).reshape(self._with_state.shape)
-        by_forms = (products @ self._form_matrices).reshape(-1, 6)
+
+    def _add_forms_to_products(self) -> None:
+        """Propagate the covariances of the errors with products of x by L, and add the forms'.
+
+        That of a form A with ``x x^T`` is ``2 E[x eta^T] A E[eta x^T]``.
+        """
+        keep, products = self._keep, self._products
+        with_state = keep.dot(self._with_state.reshape(_SIZE, -1)).reshape(self._with_state.shape)
+        weighed = (products @ self._form_matrices).reshape(-1, 6)
         products += products
-        moved += by_forms.dot(products.T).reshape(moved.shape)
-        self._with_state = moved
-        self.mean_square = self._covariance + self._mean[:, None] * self._mean
+        with_state += weighed.dot(products.T).reshape(with_state.shape)
+        self._with_state = with_state
 
     def _set_interval(self, h: float, acceleration: Vector[float]) -> None:
         """Set L (9, 9), which keeps the errors, and the forms of an interval.

@@ -338,29 +338,40 @@ class Polish:
         :param steps: (2, p) differences of s and r from one pixel to the next; huge: unknown.
         :param angle: largest angle between two rays of a cell [rad].
         """
+        pair, region = self._regions_in_cells(face, sights, steps)
+        pair_sights = sights.some(pair)
+        # The flattest view within a cell mirrors most.
+        cosine = pair_sights.height / pair_sights.away - np.float32(angle)
+        faint = self._share(region, np.maximum(cosine, 0))[:, 0] < np.float32(_LEAST)
+        sides = self._sources.sides[:, self.face[region]]
+        cell_size = np.sqrt(((_PIXELS * steps[:, pair] * sides) ** 2).sum(axis=0))
+        lobe = self._lobe[region], self._sine[region]
+        lit = self._sources.near_lobe(self.face[region], pair_sights, lobe, cell_size, angle)
+        visible = ~faint | lit.any(axis=1)
+        return Active(pair[visible], region[visible], lit[visible])
+
+    def _regions_in_cells(
+        self, face: Integers, sights: Sights, steps: Single
+    ) -> tuple[Integers, Integers]:
+        """Return pairs (q,): numbers of cells, ascending, and of regions that may reach into them.
+
+        A cell extends by ``_PIXELS`` steps around its middle. Arguments as for :meth:`active`.
+        """
         counts = self.count[face]
         pair = np.repeat(np.arange(len(face)), counts)
         order = np.arange(len(pair)) - np.repeat(np.cumsum(counts) - counts, counts)
         region = self._first[face[pair]] + order
+        s_low, r_low, s_high, r_high = self._bounds
         for place, step, low, high in (
-            (sights.r, steps[1], self._bounds[1], self._bounds[3]),
-            (sights.s, steps[0], self._bounds[0], self._bounds[2]),
+            (sights.r, steps[1], r_low, r_high),
+            (sights.s, steps[0], s_low, s_high),
         ):
             lower, upper = place[:, 0] - _PIXELS * step, place[:, 0] + _PIXELS * step
-            in_cell = (upper.take(pair) >= low.take(region)) & (
+            overlaps = (upper.take(pair) >= low.take(region)) & (
                 lower.take(pair) <= high.take(region)
             )
-            pair, region = pair[in_cell], region[in_cell]
-        pair_sights = sights.some(pair)
-        cosine = pair_sights.height / pair_sights.away - np.float32(angle)
-        faint = self._share(region, np.maximum(cosine, 0))[:, 0] < np.float32(_LEAST)
-        sides = self._sources.sides[:, self.face[region]]
-        size = np.sqrt(((_PIXELS * steps[:, pair] * sides) ** 2).sum(axis=0))
-        lit = self._sources.near_lobe(
-            self.face[region], pair_sights, (self._lobe[region], self._sine[region]), size, angle
-        )
-        keep = ~faint | lit.any(axis=1)
-        return Active(pair[keep], region[keep], lit[keep])
+            pair, region = pair[overlaps], region[overlaps]
+        return pair, region
 
     def sights(self, face: Integers, places: Single, start: Single, height: Single) -> Sights:
         """Return the sights of places s and r (2, p, k) of faces (p,).

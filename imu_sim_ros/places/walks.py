@@ -462,9 +462,14 @@ def _floor(place: Place, top: float, keep_off: Passage | None) -> _Floor:
 
 
 def _shadows(where: Surfaces, bottom: float, top: float) -> list[Array]:
-    """Return the corners (4, 2) on the floor of rectangles between two heights."""
-    o, a, b = where[:3]
-    corners = np.stack([o, o + a, o + a + b, o + b], axis=1)
+    """Return the projections onto the floor of the rectangles that stand in the way of a body.
+
+    :param where: all rectangles of a place.
+    :param bottom, top: heights between which a rectangle is in the way [m].
+    :returns: corners (4, 2) of each such rectangle, x and y in the world [m].
+    """
+    origin, across, up = where.origin, where.across, where.up
+    corners = np.stack([origin, origin + across, origin + across + up, origin + up], axis=1)
     high, low = corners[..., 2].max(axis=1), corners[..., 2].min(axis=1)
     return list(corners[(high > bottom) & (low < top)][..., :2])
 

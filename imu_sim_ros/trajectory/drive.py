@@ -204,10 +204,12 @@ def _ground(p: DriveParameters, path: Path, heights: Array) -> Ground:
 
 
 def _check(p: DriveParameters, moves: Mask, times: Array | None) -> None:
-    """Refuse waypoints that are one, times that do not increase, and numbers of no waypoint.
+    """Check the waypoints of a drive, their times, stops and speeds.
 
     :param moves: (w - 1,) True where a waypoint differs from the one before it.
     :param times: (w,) times of the waypoints [s]; None: they have none.
+    :raises ConfigurationError: if all waypoints coincide, times do not increase, a stop is at no
+        waypoint between the ends, or the number of speeds differs from that of ways.
     """
     problems = []
     if not moves.any():

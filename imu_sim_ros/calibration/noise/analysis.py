@@ -4,6 +4,7 @@
 """Allan analysis of an IMU at rest: from messages to noise parameters."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -137,7 +138,6 @@ def analyse(
         for axis in constant
     }
     bands = [None if k in reasons else usable_band(spectrum, k) for k in range(6)]
-    # A doubtful line is left out of the second spectrum: estimates must hold for both.
     smoother = spectra.result(doubtful=False).at_rate(timing.rate).with_losses(rest.lost)
     estimate_axis = estimate if model == "standard" else estimate_gauss_markov
     noise: list[AxisNoise | None] = []
@@ -147,12 +147,9 @@ def analyse(
             continue
         certain = [signal for signal in spectra.signals if signal.axis == k]
         doubtful = [signal for signal in spectra.doubtful if signal.axis == k]
-        axis_noise = estimate_axis(spectrum.rows(band.used & ~spectrum.rows_of_lines(certain)), k)
-        if doubtful:
-            rows = smoother.rows(band.used & ~smoother.rows_of_lines(certain + doubtful))
-            strict = not all(isinstance(signal, Line) for signal in doubtful)
-            axis_noise = common_estimates(axis_noise, estimate_axis(rows, k), strict=strict)
-        # What was removed from the readings may be missing from the estimates.
+        axis_noise = _estimate_with_signals(
+            partial(estimate_axis, axis=k), band, (spectrum, smoother), certain, doubtful
+        )
         decays = [signal for signal in certain if isinstance(signal, Transient)]
         if decays and RAMP in axis_noise.estimates:
             axis_noise = _drop_ramp(axis_noise, decays, timing.rate, longest)
@@ -174,6 +171,28 @@ def analyse(
         warnings=tuple(warnings),
         reasons={AXES[k]: reason for k, reason in reasons.items()},
     )
+
+
+def _estimate_with_signals(
+    estimate_rows: Callable[[Spectrum], AxisNoise],
+    band: UsableBand,
+    spectra: tuple[Spectrum, Spectrum],
+    certain: list[Signal],
+    doubtful: list[Signal],
+) -> AxisNoise:
+    """Return the noise of an axis; with doubtful signals, what holds with and without them.
+
+    :param estimate_rows: estimator of the axis from the rows of a spectrum.
+    :param band: frequencies that are used.
+    :param spectra: spectra of the readings without the certain signals, and without all signals.
+    """
+    spectrum, smoother = spectra
+    noise = estimate_rows(spectrum.rows(band.used & ~spectrum.rows_of_lines(certain)))
+    if not doubtful:
+        return noise
+    rows = smoother.rows(band.used & ~smoother.rows_of_lines(certain + doubtful))
+    strict = not all(isinstance(signal, Line) for signal in doubtful)
+    return common_estimates(noise, estimate_rows(rows), strict=strict)
 
 
 class _Rest(NamedTuple):

@@ -125,6 +125,7 @@ def _profile_interval(
     limit = lowest + CONFIDENCE_DROP
 
     def excess(value: float) -> float:
+        """Return the objective at a value minus the limit; 0 at the ends of the interval."""
         return profile(value) - limit
 
     lower, upper = _bracket(excess, best, -step), _bracket(excess, best, step)
@@ -133,7 +134,12 @@ def _profile_interval(
 
 
 def _bracket(excess: Callable[[float], float], best: float, step: float) -> float:
-    """Return a value on one side of the best where the excess is positive, or 0."""
+    """Return a value on one side of the best at which the excess is positive; 0 if none is above 0.
+
+    :param excess: objective at a value above its limit; negative at the best.
+    :param best: value of the smallest objective, >= 0.
+    :param step: first distance from it, doubled each time; below 0 to search smaller values.
+    """
     for _ in range(60):
         value = best + step
         if value <= 0.0 or excess(value) > 0.0:

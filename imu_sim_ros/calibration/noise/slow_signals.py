@@ -14,7 +14,7 @@ without it.
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from itertools import count
+from itertools import compress, count
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -399,30 +399,28 @@ class _Search:
         """Number of values, and number of periods of the fastest line in the record."""
         self._order = np.arange(1, min(int(2.0 * self._last) + 2, n))
         self.count = len(self._order)
-        """Number of coefficients that are compared."""
+        """Number m of coefficients that are compared."""
+        """(m,) indices of the coefficients; index k has k / 2 periods in the record."""
         self._ramp = self._transform(np.arange(n) / n)[self._order]
-        single = min(_SINGLE, self.count)
-        bins = single * np.exp(_WIDTH * np.arange(np.log(self.count / single) / _WIDTH))
-        self._starts = np.unique(np.concatenate([np.arange(single), bins]).astype(np.int64))
-        self._starts = self._starts[self._starts < self.count]
-        """First coefficient of each row of the spectrum: single ones, then log-spaced bins."""
+        """(m,) coefficients of a ramp from 0 to 1."""
+        single_count = min(_SINGLE, self.count)
+        self._starts = _row_starts(single_count, self.count)
+        """(rows,) first coefficient of each row of the spectrum."""
         self._sizes = np.diff(np.append(self._starts, self.count))
+        """(rows,) number of coefficients of each row."""
         mean_order = np.exp(np.add.reduceat(np.log(self._order), self._starts) / self._sizes)
         f = mean_order / (2.0 * n)
         self._standard = np.stack([f**0, 1.0 / f, f**-2.0], axis=1)
         """(rows, 3) white noise, flicker and random walk of unit size."""
-        # A sensor's filter is faster than a second, and its bias process slower.
-        fastest, slowest = max(4.0, 1.0 / interval), 0.25 * n
-        count = max(int(np.log(slowest / fastest) / np.log(_PROCESS_TIMES)), 0) + 1
-        corner = 1.0 - np.exp(-1.0 / (fastest * _PROCESS_TIMES ** np.arange(count)))
-        sine = 4.0 * (1.0 - corner) * np.sin(np.pi * f[:, None]) ** 2
-        processes = corner**2 / (corner**2 + sine)
+        processes = _gauss_markov_spectra(f, n, interval)
         self._extended = np.stack(
             [np.column_stack([self._standard, process]) for process in processes.T]
         )
         """(times, rows, 4) standard design with Gauss-Markov processes of 1 at zero frequency."""
         self._design = self._standard
-        self._single = slice(0, single)
+        """Expectation of the rows for each noise of unit size, of the axis that is searched."""
+        self._single = slice(0, single_count)
+        """Coefficients that are searched exactly for slow signals."""
         self._line = _LineKind(n, self._order)
         self._shift = _ShiftKind(n, self._order)
         shortest, longest = (seconds / interval for seconds in _WARM_UP)
@@ -432,7 +430,8 @@ class _Search:
             [self._transient.columns(float(p), self._single) for p in self._transient.tried], axis=1
         )
         """(m, t) single coefficients of the transients that are tried."""
-        self._tried = np.arange(_SLOWEST, min(0.5 * single, self._last), _SPACING)
+        self._tried = np.arange(_SLOWEST, min(0.5 * single_count, self._last), _SPACING)
+        """(f,) periods in the record of the slow lines that are tried."""
         waves = self._line.waves(self._tried, self._single)
         c, s = waves.real, waves.imag
         self._columns = np.concatenate([c, s], axis=1)
@@ -441,25 +440,39 @@ class _Search:
         """(m, 3 f) products of these columns."""
 
     def signals(self, x: Array) -> _Signals:
-        """Return the signals of x (n,), certain and doubtful."""
+        """Return the signals of values x (n,) of an axis, certain and doubtful.
+
+        Signals are added one by one, each time the one that explains most, as long as it gains more
+        than a possible signal must.
+        """
         y = self._transform(x - x.mean())[self._order]
         self._design = self._standard
         best = self._with_process(y, self._fit(y, (), self._noise(y)))
         for _ in range(_MAX_SIGNALS):
-            lead, choice = 0.0, None
-            for component in self._candidates(x, y, best):
-                ramp = best.ramp and component.kind is not self._transient
-                fitted = self._fit(y, (*best.components, component), best, ramp=ramp)
-                price = component.kind.doubt(fitted.components[-1].parameter)
-                if best.objective - fitted.objective - price > lead:
-                    lead, choice = best.objective - fitted.objective - price, fitted
-            if choice is None:
+            extended = self._add_best_signal(x, y, best)
+            if extended is None:
                 break
-            best = self._with_process(y, self._relocate_shift(y, choice))
+            best = self._with_process(y, self._relocate_shift(y, extended))
         components, certain = self._classify(y, best)
-        everything = self._inflation(components, best)
-        only = [c for c, is_certain in zip(components, certain, strict=True) if is_certain]
-        return _Signals(components, certain, (self._inflation(only, best), everything))
+        certain_components = list(compress(components, certain))
+        inflation = self._inflation(certain_components, best), self._inflation(components, best)
+        return _Signals(components, certain, inflation)
+
+    def _add_best_signal(self, x: Array, y: Array, best: _Fit) -> _Fit | None:
+        """Return the best fit with one more signal; None if no signal gains enough likelihood.
+
+        :param x: (n,) values.
+        :param y: (m,) their coefficients.
+        """
+        largest_gain, extended = 0.0, None
+        for component in self._candidates(x, y, best):
+            ramp = best.ramp and component.kind is not self._transient
+            fitted = self._fit(y, (*best.components, component), best, ramp=ramp)
+            required = component.kind.doubt(fitted.components[-1].parameter)
+            gain = best.objective - fitted.objective - required
+            if gain > largest_gain:
+                largest_gain, extended = gain, fitted
+        return extended
 
     def _classify(self, y: Array, best: _Fit) -> tuple[list[_Component], list[bool]]:
         """Return the signals of a fit to coefficients y that are possible, and the certain ones."""
@@ -468,49 +481,46 @@ class _Search:
         # Signals that together replace a walk gain much jointly, but little one by one.
         evident = gains > evidence
         while evident.any():
-            chosen = [
-                c for c, is_evident in zip(best.components, evident, strict=True) if is_evident
-            ]
+            chosen = list(compress(best.components, evident))
             alone = self._gains(y, self._fit(y, chosen, best, ramp=best.ramp))
             if (alone > evidence[evident]).all():
                 break
             gains[evident] = np.minimum(gains[evident], alone)
             evident = gains > evidence
-        judged = list(zip(best.components, gains, evident.tolist(), strict=True))
-        sure = [component for component, _, is_evident in judged if is_evident]
-        maybe = [
-            c
-            for c, gain, is_evident in judged
-            if not is_evident and gain > c.kind.doubt(c.parameter)
+        certain = list(compress(best.components, evident))
+        doubtful = [
+            component
+            for component, gain, is_evident in zip(best.components, gains, evident, strict=True)
+            if not is_evident and gain > component.kind.doubt(component.parameter)
         ]
-        if not any(component.kind is self._transient for component in sure + maybe):
-            maybe = self._with_transient(y, best, sure, maybe)
-        return sure + maybe, [True] * len(sure) + [False] * len(maybe)
+        if not any(component.kind is self._transient for component in certain + doubtful):
+            doubtful = self._with_transient(y, best, certain, doubtful)
+        return certain + doubtful, [True] * len(certain) + [False] * len(doubtful)
 
     def _with_transient(
-        self, y: Array, best: _Fit, sure: list[_Component], maybe: list[_Component]
+        self, y: Array, best: _Fit, certain: list[_Component], doubtful: list[_Component]
     ) -> list[_Component]:
         """Return the doubtful signals, with or without a transient in place of a ramp.
 
         A transient that explains the record as well as a ramp does is possible. If it also explains
         it as well as the doubtful signals do, it replaces them.
 
-        :param sure: signals that are certain.
-        :param maybe: signals that may exist.
+        :param certain: signals that are certain.
+        :param doubtful: signals that may exist.
         """
-        with_ramp = self._fit(y, sure, best)
+        with_ramp = self._fit(y, certain, best)
         decay = self._best_transient(y, with_ramp)
-        with_decay = self._fit(y, (*sure, decay), best, ramp=False)
+        with_decay = self._fit(y, (*certain, decay), best, ramp=False)
         if with_decay.objective > with_ramp.objective + _EQUIVALENT:
-            return maybe
-        without = self._fit(y, sure, best, ramp=False)
+            return doubtful
+        without = self._fit(y, certain, best, ramp=False)
         if without.objective - with_decay.objective < _SLOW_TRANSIENT:
-            return maybe
-        price = _RAMP + sum(c.kind.doubt(c.parameter) for c in maybe)
+            return doubtful
+        price = _RAMP + sum(c.kind.doubt(c.parameter) for c in doubtful)
         if with_decay.objective + _DOUBTFUL_TRANSIENT <= best.objective + price:
             return [with_decay.components[-1]]
-        together = self._fit(y, (*sure, *maybe, decay), best, ramp=False)
-        return list(together.components[len(sure) :])
+        with_all = self._fit(y, (*certain, *doubtful, decay), best, ramp=False)
+        return list(with_all.components[len(certain) :])
 
     def _candidates(self, x: Array, y: Array, best: _Fit) -> Iterator[_Component]:
         """Yield the signals of each kind that explain most of the remainder of coefficients y."""
@@ -814,6 +824,35 @@ class _Search:
         q = np.linalg.qr(self._tangent(shapes, False, _ALL) / root[:, None])[0]
         leverage = np.minimum(np.sum(q**2, axis=1), _DETERMINED)
         return np.asarray(1.0 / np.sqrt(1.0 - leverage))
+
+
+def _row_starts(single: int, count: int) -> Integers:
+    """Return the first coefficient of each row of a spectrum of some coefficients.
+
+    The first rows are single coefficients, all others the means of log-spaced bins.
+
+    :param single: number of single coefficients.
+    """
+    bins = single * np.exp(_WIDTH * np.arange(np.log(count / single) / _WIDTH))
+    starts = np.unique(np.concatenate([np.arange(single), bins]).astype(np.int64))
+    return np.asarray(starts[starts < count])
+
+
+def _gauss_markov_spectra(f: Array, n: int, interval: float) -> Array:
+    """Return the spectra (rows, times) of Gauss-Markov processes, 1 at zero frequency.
+
+    Their correlation times are from a second, since a sensor's filter is faster and its bias
+    process slower, to a quarter of the record.
+
+    :param f: (rows,) frequencies [cycles per value].
+    :param n: number of values of the record.
+    :param interval: time between two values [s].
+    """
+    fastest, slowest = max(4.0, 1.0 / interval), 0.25 * n
+    count = max(int(np.log(slowest / fastest) / np.log(_PROCESS_TIMES)), 0) + 1
+    corner = 1.0 - np.exp(-1.0 / (fastest * _PROCESS_TIMES ** np.arange(count)))
+    sine = 4.0 * (1.0 - corner) * np.sin(np.pi * f[:, None]) ** 2
+    return np.asarray(corner**2 / (corner**2 + sine))
 
 
 def _free_components(count: int) -> Array:

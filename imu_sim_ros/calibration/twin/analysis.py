@@ -4,6 +4,7 @@
 """A twin of a sensor on a vehicle: its constant errors, and the vibration that they leave."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -160,24 +161,14 @@ def analyse(
     reference = np.maximum(reference, 1e-3)
     logs = sizes(reference)
     exponents = intensity.fit_exponents(residuals, parts, rate, logs)
-
-    def above_noise(exponents_of_motion: Array) -> tuple[Bands, Bands]:
-        """Return the bands of the residual, and the same bands without the poses' noise.
-
-        :param exponents_of_motion: (ranges, 2, 3) exponents of :class:`intensity.Exponents`.
-        """
-        pairs = [(held_out_residuals, residuals), *((x, x) for x in noises)]
-        whole, *noise_bands = (
-            _bands(list(x), parts, rate, logs, exponents_of_motion) for x in pairs
-        )
-        noise = [x.matrix for x in noise_bands]
-        return whole, whole.minus(np.mean(noise, axis=0)) if noise else whole
-
-    whole, bands = above_noise(exponents.value)
-    # A sensor's own noise does not depend on the motion, and is present at all frequencies.
-    steady, level = above_noise(np.zeros_like(exponents.value))
-    floor = spectrum.white_floor(level, _LOWEST_WHITE)
-    floor = spectrum.bound_above(floor, steady.density.min(axis=0))
+    bands_for = partial(
+        _bands_with_and_without_noise, (held_out_residuals, residuals), noises, parts, rate, logs
+    )
+    whole, bands = bands_for(exponents.value)
+    # The sensor's white noise does not depend on the motion, and is present at all frequencies.
+    constant_whole, constant_bands = bands_for(np.zeros_like(exponents.value))
+    floor = spectrum.white_floor(constant_bands, _LOWEST_WHITE)
+    floor = spectrum.bound_above(floor, constant_whole.density.min(axis=0))
     white = spectrum.bound_below(floor, spectrum.quietest_density(recording.readings, rate))
     return Analysis(
         fitted,
@@ -192,6 +183,30 @@ def analyse(
         tuple(parts),
         *_bias_over_time(recording, fitted, whole),
     )
+
+
+def _bands_with_and_without_noise(
+    residuals: tuple[Array, Array],
+    noises: list[Array],
+    parts: list[slice],
+    rate: float,
+    logs: Array,
+    exponents: Array,
+) -> tuple[Bands, Bands]:
+    """Return the bands of the residuals, and the same bands without the noise of the poses.
+
+    :param residuals: (n, 6) for the slowest range, and for all others.
+    :param noises: effects of the poses' noise, (n, 6) each; the mean of their bands is subtracted.
+    :param parts: rows in motion.
+    :param rate: samples per second [Hz].
+    :param logs: (n, 3) logarithms of the motion's size.
+    :param exponents: (ranges, 2, 3) exponents of :class:`intensity.Exponents`.
+    """
+    whole = _bands(list(residuals), parts, rate, logs, exponents)
+    if not noises:
+        return whole, whole
+    matrices = [_bands([noise, noise], parts, rate, logs, exponents).matrix for noise in noises]
+    return whole, whole.minus(np.mean(matrices, axis=0))
 
 
 def _remove_lines(

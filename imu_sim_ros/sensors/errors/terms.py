@@ -183,7 +183,10 @@ class ThermalBias(ErrorTerm):
     parameter = "temperature_bias"
 
     def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
-        """Return the bias of n readings of some units (n, ..., 3), or the same for all."""
+        """Return the bias of n readings of some units (n, ..., 3) in the triad's unit.
+
+        At a constant temperature there is one row (1, ..., 3), for all readings.
+        """
         offset, coefficients = surroundings.temperature_offset, self.strength[units]
         if is_constant(offset):
             offset = offset[:1]

@@ -407,23 +407,25 @@ class Triad:
         faults: FaultSchedule | None = None,
         vibration: Array | None = None,
     ) -> Reading:
-        """Return the next n samples: response, additions, low-pass, decimation, digitiser.
+        """Return the next n samples, after the sensor's steps in their order.
 
-        Inside an oversampled sensor there are m = ratio readings for each, 1 elsewhere.
+        These are response, additions, low-pass, decimation, vibration, faults, digitiser, rounding
+        of increments. Arrays are (n, ..., 3) for a batch. An oversampled sensor has m = ratio
+        readings inside for each sample, any other has m = 1.
 
-        :param start: index of the first of them.
-        :param ideal: (n m, 3) ideal reading of this triad.
+        :param start: index of the first sample.
+        :param ideal: (n m, 3) ideal reading of this triad, in its unit.
         :param force: (n m, 3) ideal specific force [m/s^2].
         :param additions: result of :meth:`additions` for these n m readings.
         :param faults: faults that hit the triad; None: there never are any.
         :param vibration: (n, 3) vibration of the vehicle, which is added to the filtered readings.
         """
         scale, bias, noise = additions
-        windows = faults is not None and bool(faults.windows)
-        if faults is not None and windows:
-            bias = self._with_jumps(start, bias, faults)
+        started_faults = faults if faults is not None and faults.windows else None
+        if started_faults is not None:
+            bias = self._with_jumps(start, bias, started_faults)
         inputs = components_of(ideal)
-        total, error = self._analogue(
+        analogue, error = self._analogue(
             inputs,
             inputs if force is ideal else components_of(force),
             None if scale is None else components_of(scale),
@@ -432,34 +434,42 @@ class Triad:
         )
         response_error = None if error is None else combine(error, ideal.shape)
         low_pass = None
-        if self._low_pass is not None or self._ratio > 1 or vibration is not None or windows:
-            reading = combine(total, ideal.shape)
+        # Without any of these steps the components go to the digitiser as they are.
+        if (
+            self._low_pass is not None
+            or self._ratio > 1
+            or vibration is not None
+            or started_faults is not None
+        ):
+            reading = combine(analogue, ideal.shape)
             if self._low_pass is not None:
                 low_pass = self._low_pass.apply(reading)
             if self._ratio > 1:
-                decimated = slice(self._ratio - 1, None, self._ratio)
-                reading, bias = np.copy(reading[decimated]), np.copy(bias[decimated])
+                reading, bias = self._decimate(reading), self._decimate(bias)
                 scale, noise, response_error, low_pass = (
-                    None if values is None else np.copy(values[decimated])
+                    None if values is None else self._decimate(values)
                     for values in (scale, noise, response_error, low_pass)
                 )
             if vibration is not None:
                 reading += vibration
-            if faults is not None and windows:
-                faults.saturate(self._name, start, reading)
-            total = components_of(reading)
-        reading = combine(self._digitiser.apply(total), bias.shape)
+            if started_faults is not None:
+                started_faults.saturate(self._name, start, reading)
+            analogue = components_of(reading)
+        reading = combine(self._digitiser.apply(analogue), bias.shape)
         if self._increments is not None:
             self._increments.apply(reading)
-        if faults is not None:
-            if windows:
-                previous = None if self._last is None else np.array(self._last)
-                faults.hold(self._name, start, reading, previous)
-            if len(reading):
-                self._last = reading[-1].copy()
+        if started_faults is not None:
+            previous = None if self._last is None else np.array(self._last)
+            started_faults.hold(self._name, start, reading, previous)
+        if faults is not None and len(reading):
+            self._last = reading[-1].copy()
         return assemble_reading(
             reading, Additions(scale, bias, noise), response_error, low_pass, vibration
         )
+
+    def _decimate(self, values: Array) -> Array:
+        """Return the last of the ``ratio`` readings inside (n m, 3) of each sample (n, 3)."""
+        return np.copy(values[self._ratio - 1 :: self._ratio])
 
     @property
     def remembers(self) -> bool:

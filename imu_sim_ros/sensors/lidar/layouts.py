@@ -37,8 +37,9 @@ class PointLayout(NamedTuple):
     """A kind of points."""
 
     fields: Fields
+    """Name, type and offset [bytes] of each field of a point."""
     size: int
-    """Bytes of a point."""
+    """Size of a point [bytes]."""
     values: dict[str, Callable[[Cloud], ArrayLike]]
     """Values of each field except x, y, z, as functions of the point cloud."""
 

@@ -55,39 +55,53 @@ def even_normals(pairs: int, count: int) -> Array:
     return np.concatenate([half, -half], axis=1)
 
 
+def _constant_errors(parameters: WheelsParameters) -> Array | None:
+    """Return the constants of vehicles (m + 1 or m + 2, vehicles) that their spreads describe.
+
+    The rows are relative errors of the m radii and of the base, and, if the vehicle steers, the
+    steering offset [rad]. The first vehicle is that of the readings, without errors. None: the
+    constants are known exactly.
+    """
+    is_steered = parameters.model == "ackermann"
+    sigmas = np.array(
+        [0.01 * parameters.radius_sigma_percent] * parameters.wheels
+        + [0.01 * parameters.base_sigma_percent]
+        + [parameters.steering_offset_sigma] * is_steered
+    )
+    if not sigmas.any():
+        return None
+    return np.insert(sigmas[:, None] * even_normals(_PAIRS, len(sigmas)), 0, 0.0, axis=1)
+
+
 class StatedCovariance:
     """Covariances of the readings of one odometer, in order from the first."""
 
     def __init__(self, parameters: WheelsParameters, rims: Array, to_twist: Array) -> None:
         """Start with a pose that is known exactly.
 
-        :param rims: (m, 3) nominal map from a twist to the speeds of the rims.
+        :param rims: (m, 3) nominal map from a twist (forward, left [m/s], yaw rate [rad/s]) to the
+            speeds of the rims [m/s].
         :param to_twist: (3, m) map from the speeds of the rims to the twist.
         """
         self._parameters, self._rims, self._to_twist = parameters, rims, to_twist
         self._dt = 1.0 / parameters.rate
         tick = math.tau / parameters.ticks if parameters.ticks else 0.0
-        self._of_angle = parameters.encoder_noise**2 + tick**2 / 12.0
-        wheels, steered = parameters.wheels, parameters.model == "ackermann"
-        constants = np.array(
-            [0.01 * parameters.radius_sigma_percent] * wheels
-            + [0.01 * parameters.base_sigma_percent]
-            + [parameters.steering_offset_sigma] * steered
-        )
-        self._constants: Array | None = None
-        if constants.any():
-            drawn = constants[:, None] * even_normals(_PAIRS, len(constants))
-            # The first vehicle is that of the readings, without errors.
-            self._constants = np.insert(drawn, 0, 0.0, axis=1)
+        self._angle_variance = parameters.encoder_noise**2 + tick**2 / 12.0
+        """Variance of an encoder's angle [rad^2]: its noise, and its rounding to ticks."""
+        self._constants = _constant_errors(parameters)
         self._vehicles = np.zeros((3, 1 + 2 * _PAIRS))
+        """Poses x, y [m], yaw [rad] of the vehicles with these errors, at the latest reading."""
         self._pose: Array | None = None
+        """(3,) pose of the latest reading; None before the first."""
         self._white = np.zeros(6)
-        self._count = np.zeros((wheels, 3))
+        """Elements of the covariance that white errors have added up to, about the origin."""
+        self._count = np.zeros((parameters.wheels, 3))
+        """(m, 3) motion about the origin by one standard deviation of the latest angles."""
 
     def twist_covariance(self, twist: Array, angle: Array) -> Array:
         """Return the covariance (n, 3, 3) of twists (n, 3), at angles (n, m) of the joints."""
         p, m = self._parameters, self._to_twist
-        counted = 2.0 * (p.radius / self._dt) ** 2 * self._of_angle
+        counted = 2.0 * (p.radius / self._dt) ** 2 * self._angle_variance
         rims = np.abs(rows_times(self._rims, twist))
         spread = (0.01 * p.radius_sigma_percent * rims) ** 2
         rim_variances = counted + p.slip_noise**2 * rims / self._dt + spread
@@ -137,7 +151,7 @@ class StatedCovariance:
         rims = rows_times(self._rims, twist)
         p = self._parameters
         slip = p.slip_noise * np.sqrt(np.abs(rims) / self._dt)
-        counts = (p.radius / self._dt) * math.sqrt(self._of_angle) * wheels
+        counts = (p.radius / self._dt) * math.sqrt(self._angle_variance) * wheels
         previous = np.concatenate([self._count[None], counts[:-1]])
         self._count = counts[-1].copy()
         white = [slip[:, :, None] * wheels, counts - previous]

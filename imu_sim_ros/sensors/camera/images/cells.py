@@ -61,24 +61,41 @@ class CellGrid:
         self._bent = np.float32(max(_BENT, 0.25 * angle))
         self.rows, self.columns = (length - 1 for length in corners.rays.shape[1:])
         self._corners = corners
+        # Corners of the tiles, one more than tiles in each direction.
         self._tiles = ceil_divide(self.rows, TILE) + 1, ceil_divide(self.columns, TILE) + 1
 
     def pairs(self, planes: Planes) -> Pairs:
-        """Return the pairs of cells and rectangles that may be visible in them."""
+        """Return the pairs of cells and rectangles that may be visible in them.
+
+        :param planes: planes of the rectangles, in the camera's frame.
+        """
         cells = self.rows * self.columns
-        room, edges = 4 * cells, np.empty((5, *self._tiles), np.float32)
+        slots = self._candidates(planes)
+        size = len(slots)
+        pairs = Pairs(
+            cell=np.empty(size, np.int64),
+            first=np.empty(cells + 1, np.int64),
+            which=np.empty(size, np.int64),
+            fills=np.empty(size, np.bool_),
+        )
+        hiding, front = np.empty(cells, np.float32), np.empty(cells, np.int64)
+        count = arrange(pairs, slots, hiding, front, self._bent, _APART)
+        return Pairs(pairs.cell[:count], pairs.first, pairs.which[:count], pairs.fills[:count])
+
+    def _candidates(self, planes: Planes) -> NDArray[np.void]:
+        """Return records of the cells in which each rectangle may be, hidden or not.
+
+        Their number is not known before: with too few slots the search is repeated with enough.
+        """
+        slot_count = 4 * self.rows * self.columns
+        edges = np.empty((5, *self._tiles), np.float32)
+        rays, rows = self._corners.rays, self._corners.rows
         while True:
-            slots = np.empty(room, _CANDIDATE)
-            corner_rays = self._corners.rays, self._corners.rows
-            count = candidates(slots, planes, *corner_rays, edges, self._bent, self._slack)
-            if count <= room:
-                break
-            room = count
-        cell, which = np.empty((2, count), np.int64)
-        pairs = Pairs(cell, np.empty(cells + 1, np.int64), which, np.empty(count, np.bool_))
-        space = np.empty(cells, np.float32), np.empty(cells, np.int64)
-        count = arrange(pairs, slots[:count], *space, self._bent, _APART)
-        return Pairs(cell[:count], pairs.first, which[:count], pairs.fills[:count])
+            slots = np.empty(slot_count, _CANDIDATE)
+            count = candidates(slots, planes, rays, rows, edges, self._bent, self._slack)
+            if count <= slot_count:
+                return slots[:count]
+            slot_count = count
 
 
 _HALF: Final = np.float32(0.5)

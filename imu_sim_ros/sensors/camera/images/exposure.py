@@ -110,7 +110,7 @@ def expose(level: Single, factor: float) -> Single:
     White pixels may be any number of times as bright, and stay white in a darker image:
     windows stay saturated.
 
-    >>> exposed(np.array([100, 235, 255], np.float32), 0.5)
+    >>> expose(np.array([100, 235, 255], np.float32), 0.5)
     array([ 50. , 117.5, 255. ], dtype=float32)
     """
     result = level * np.float32(factor)

@@ -101,9 +101,14 @@ def _row_poses(eyes: Callable[[Array], Eyes], height: int) -> _Poses:
 def _project(
     model: CameraModel, points: Array, row: Array, poses: Callable[[Array], CameraPoses]
 ) -> tuple[Array, Array, Mask]:
-    """Return pixels (n, 2) and depths (n,) of points (n, 3), and True (n,) for points in the image.
+    """Return pixels (n, 2) and depths (n,) [m] of points (n, 3), and True (n,) if in the image.
 
-    :param row: (n,) rows at which the search begins.
+    A rolling shutter exposes each row from a pose of its own: the row of a point decides the pose
+    that the point is projected from, and is iterated until it no longer changes.
+
+    :param points: positions in the axes in which ``poses`` are [m].
+    :param row: (n,) rows at which the iteration begins [px].
+    :param poses: returns the poses of the camera at rows (n,), or a single pose for all rows.
     """
     v = row
     for _ in range(_ROUNDS):
