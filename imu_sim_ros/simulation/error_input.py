@@ -161,6 +161,25 @@ class _Mount:
         return alpha[history:]
 
 
+def _means_between(t_ns: Times, values: Array, ends: Times) -> Array:
+    """Return the means (k, 3) of straight lines through values (n, 3), between k + 1 times.
+
+    Trapezoids between all corners of the lines and all ends are exact.
+
+    :param t_ns: (n,) times of the values [ns].
+    :param ends: (k + 1,) or no times [ns].
+    """
+    if len(ends) < 2:
+        return np.empty((0, 3))
+    corners = np.union1d(t_ns, ends)
+    first_pieces = np.searchsorted(corners, ends)
+    seconds = np.diff(corners) * 1e-9
+    line = _lines(t_ns, values, corners)
+    pieces = 0.5 * (line[1:] + line[:-1]) * seconds[:, None]
+    integrals = np.add.reduceat(pieces[: first_pieces[-1]], first_pieces[:-1])
+    return np.asarray(integrals / (np.diff(ends)[:, None] * 1e-9))
+
+
 class Grid(NamedTuple):
     """Samples of a sensor with a clock of its own."""
 
@@ -231,30 +250,23 @@ class Resampler:
         return np.concatenate([clamped, later])
 
     def _means(self, stretch: Readings, samples: Readings) -> Readings:
-        """Return the means between the samples; the first sample of all is the value at it."""
+        """Return the samples with the mean of the readings since the sample before.
+
+        The first sample of the grid has none before it, and stays the reading at its time.
+
+        :param stretch: readings that reach back to the latest sample of the previous call.
+        :param samples: n samples, with the readings at their times.
+        """
         assert self._begin_ns is not None
-        rows = stretch.triads()
         ends = samples.t_ns
         if self._next:
             previous_ns = timebase.sample_times_ns(self._next - 1, 1, self._rate, self._begin_ns)
             ends = np.concatenate([previous_ns, ends])
-        means = []
-        points = np.union1d(stretch.t_ns, ends)
-        cuts = np.searchsorted(points, ends)
-        seconds = np.diff(points) * 1e-9
-        for values in rows:
-            line = _lines(stretch.t_ns, values, points)
-            pieces = 0.5 * (line[1:] + line[:-1]) * seconds[:, None]
-            if len(ends) > 1:
-                sums = np.add.reduceat(pieces[: cuts[-1]], cuts[:-1])
-                means.append(sums / (np.diff(ends)[:, None] * 1e-9))
-            else:
-                means.append(np.empty((0, 3)))
-        gyro, accel = means
+        gyro, accel = (_means_between(stretch.t_ns, values, ends) for values in stretch.triads())
         if not self._next:
-            of_gyro, of_accel = samples.triads()
-            gyro = np.concatenate([of_gyro[:1], gyro])
-            accel = np.concatenate([of_accel[:1], accel])
+            sampled_gyro, sampled_accel = samples.triads()
+            gyro = np.concatenate([sampled_gyro[:1], gyro])
+            accel = np.concatenate([sampled_accel[:1], accel])
         return replace_fields(samples, gyro=gyro, accel=accel)
 
     def _keep(self, stretch: Readings) -> None:

@@ -106,7 +106,11 @@ class Errors(NamedTuple):
     and of gravity [rad]."""
 
     def step(self, step: Array) -> "Errors":
-        """Return the errors after a step (42,) of the parameters."""
+        """Return the errors after a step (42,) of the parameters.
+
+        The order of the step is that of the slices of this module, from OFFSET to WORLD; the
+        mounting takes a rotation vector in the IMU's axes [rad].
+        """
         response = self.response.copy()
         response[tuple(_ELEMENTS)] += step[RESPONSE]
         turn = rotation.to_matrix(rotation.exp(step[MOUNTING]))
@@ -115,9 +119,9 @@ class Errors(NamedTuple):
             response=response,
             lever_arm=self.lever_arm + step[LEVER_ARM],
             bias=self.bias + step[BIAS],
-            offset=self.offset + float(step[0]),
-            skew=self.skew + float(step[1]),
-            curvature=self.curvature + float(step[38]),
+            offset=self.offset + float(step[OFFSET.start]),
+            skew=self.skew + float(step[SKEW.start]),
+            curvature=self.curvature + float(step[CURVATURE.start]),
             world=self.world + step[WORLD],
         )
 

@@ -119,11 +119,12 @@ def check_path(
     duration: float,
     scene: Scene,
 ) -> None:
-    """Refuse a path that leaves its room.
+    """Check that a path stays inside its room or place, and free of what stands in it.
 
-    :param arms: (k, 3) as of :func:`build_scene`.
+    :param arms: (k, 3) positions in the body of all sensors that see the scene [m].
     :param duration: duration of the simulation [s].
-    :raises ConfigurationError: with what to give.
+    :param scene: the scene that was built for this path.
+    :raises ConfigurationError: if it does not; the line names the parameter to change.
     """
     if not isinstance(parameters, RoomParameters | PlaceParameters):
         return

@@ -292,15 +292,22 @@ class Triads:
             self._others[name][:, units] = make(units, begins)
 
     def _redraw_some(
-        self, stored: Array | None, drawn: Array | None, usual: float, units: Units
+        self, stored: Array | None, drawn: Array | None, neutral: float, units: Units
     ) -> Array | None:
-        """Return the stored values of all units, some of them drawn anew; None: usual ones."""
+        """Return the stored values of all units with those of some units drawn anew.
+
+        None stands for the neutral value at all times.
+
+        :param stored: (AHEAD or 1, count, 3) values of all units, changed in place.
+        :param drawn: (AHEAD, k, 3) new values of the k units.
+        :param neutral: value of the units without this error: 1 for a scale, 0 for noise.
+        """
         if drawn is None:
             return stored
-        rows = drawn[:1] if is_constant(drawn) else drawn  # what never changes is kept once
+        rows = drawn[:1] if is_constant(drawn) else drawn  # one row stands for all times
         if stored is None:
             stored = _room(self._units.count, len(rows))
-            stored[...] = usual
+            stored[...] = neutral
         stored[:, units] = rows
         return stored
 

@@ -430,7 +430,11 @@ def nearest_hit(
 
 @part
 def _dot(vectors: Single, m: int, k: int, j: int, ray: Ray) -> np.float32:
-    """Return the product of a vector in a table and a ray."""
+    """Return the scalar product of a ray with vector j (0: normal, 1 and 2: sides) of a table.
+
+    :param m: number of the rectangle.
+    :param k: number of the pose.
+    """
     x, y, z = ray
     return vectors[m, k, j, 0] * x + vectors[m, k, j, 1] * y + vectors[m, k, j, 2] * z
 
@@ -439,7 +443,15 @@ def _dot(vectors: Single, m: int, k: int, j: int, ray: Ray) -> np.float32:
 def _meet(
     vectors: Single, start: Single, m: int, k: int, ray: Ray
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Return 1 / t, s and r where a ray meets a plane; 0, 0, 0: it is not before it."""
+    """Return 1 / t, s and r where a ray meets a plane; 0, 0, 0: the plane is not in front.
+
+    The ray meets it at ``t`` times its direction, at the share s of the rectangle's first side and
+    r of its second one, from its corner.
+
+    :param vectors, start: tables of :class:`~imu_sim_ros.sensors.camera.images.planes.Planes`.
+    :param m: number of the rectangle.
+    :param k: number of the pose, of a row with a rolling shutter.
+    """
     n = _dot(vectors, m, k, 0, ray)
     if n <= IN_FRONT:
         return _ZERO, _ZERO, _ZERO
