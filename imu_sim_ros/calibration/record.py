@@ -166,12 +166,20 @@ class _Extreme:
     """The smallest or largest value of each axis and the value next to it, with their hits."""
 
     def __init__(self, find: np.ufunc) -> None:
+        """Initialise without readings.
+
+        :param find: ``np.minimum`` for the smallest value, ``np.maximum`` for the largest.
+        """
         self._find = find
         self._none = np.inf if find is np.minimum else -np.inf
         self.value = np.full(6, self._none)
+        """(6,) extreme values so far [rad/s, m/s^2]; infinite without readings."""
         self.hits = np.zeros(6, dtype=np.int64)
+        """(6,) number of readings that are the extreme value."""
         self.next_value = np.full(6, self._none)
+        """(6,) values next to the extreme ones."""
         self.next_hits = np.zeros(6, dtype=np.int64)
+        """(6,) number of readings that are the next value."""
 
     def add(self, columns: Array) -> None:
         """Add the next readings (6, n)."""

@@ -341,6 +341,7 @@ def windows(
         b.lamps += [Lamp(pane, (red, green, blue)) for pane in panes]
 
     def lit(done: PlaceBuilder) -> Lighting:
+        """Return the lamps, and by day the direction and colour of the sun, and the panes."""
         if not day:
             return Lighting(tuple(done.lamps))
         sideways = rotation_about_z(0.5) @ -inwards

@@ -159,7 +159,11 @@ class FaultSchedule:
             reading[rows] = window.held
 
     def lose(self, first: int, lost: Mask) -> None:
-        """Mark lost messages (n,)."""
+        """Set True for messages (n,) that a dropout loses, each with the fault's probability.
+
+        :param first: index of the first sample.
+        :param lost: True for messages that are lost already, changed in place.
+        """
         for window, rows in self._active("dropout", first, len(lost)):
             numbers = window.stream.random(rows.stop - rows.start)
             lost[rows] |= numbers < window.fault.axis_values()[0]

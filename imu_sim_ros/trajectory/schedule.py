@@ -57,12 +57,13 @@ class _Way(NamedTuple):
     """A path at n places, with the limits of the vehicle there."""
 
     u: Array
+    """(n,) parameter of the path, ascending."""
     s: Array
-    """Way [m]."""
+    """(n,) way from the start [m]."""
     slope: Array
-    """Derivative of u by the way."""
+    """(n,) derivative of u by the way [1/m]."""
     square: Array
-    """Largest square of the speed [m^2/s^2]."""
+    """(n,) largest square of the speed [m^2/s^2]."""
     waypoint_index: NDArray[np.intp]
     """(w,) rows of the waypoints."""
 
@@ -172,7 +173,10 @@ def _way(path: Path, p: DriveParameters) -> _Way:
 
 
 def _limit_speeds(way: _Way, p: DriveParameters, speeds: Array, waits: Array) -> Array:
-    """Return the squares of the speeds (n,): the fastest schedule from rest to rest.
+    """Return the squares of the speeds (n,) [m^2/s^2]: the fastest schedule from rest to rest.
+
+    At a constant acceleration a the square of the speed rises by 2 a per metre: less that rise, the
+    squares must not increase along the way; nor backwards, with the limit of braking.
 
     :param speeds: (w - 1,) largest speed on each leg [m/s].
     :param waits: (w,) rest at each waypoint [s].

@@ -37,7 +37,7 @@ class FeatureMessage(NamedTuple):
     number: int
     """Number of the first camera's frame."""
     values: Array
-    """(n, 3 + m) points (x, y, 1) in normalised coordinates, and their m channels as in CHANNELS."""
+    """(n, 3 + m) points (x, y, 1), normalised coordinates, and their m channels (CHANNELS)."""
 
 
 class _Observed(NamedTuple):

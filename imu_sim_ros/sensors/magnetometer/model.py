@@ -170,8 +170,9 @@ def read_field(
     disturbance = np.broadcast_to(iron_effects.hard, ideal.shape)
     if current is not None:
         disturbance = disturbance + iron_effects.coupling * current[..., None]
-    along = transform(iron_effects.response, ideal) + disturbance
-    samples = triad.read(start, along, along, additions, faults)
+    field = transform(iron_effects.response, ideal) + disturbance
+    # A magnetometer has no errors by force: the triad's second input has no effect.
+    samples = triad.read(start, field, field, additions, faults)
     bias = samples.bias + samples.scale * disturbance
     return {"field": samples.reading, "ideal_field": ideal, "bias": bias}
 
