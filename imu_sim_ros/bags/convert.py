@@ -127,8 +127,57 @@ def bag_to_bag(
     :param observe: receives the stamps of readings and poses.
     :returns: a line for each topic and type whose fields differ in the other generation of ROS.
     """
+    translator = _translator(bag, writer, topics)
+    handles, lines = _add_topics(bag, writer, topics, renamed, translator)
+    gates = {
+        info: MessageGate(
+            bag.path,
+            info.name,
+            open_to_all=warned is not None,
+            observe=(
+                partial(observe, f"{bag.path}: {info.name}") if info.type in _ORDERED else None
+            ),
+        )
+        for info in topics
+    }
+    order = _OrderInMessages(bag.path, bag.encoding, observe)
+    groups = bag.groups({info.name for info in topics})
+    for group, additional_blocks in _append_messages(groups, additional):
+        # Groups may have messages of topics that are not copied.
+        message_blocks = [block for block in group if block.topic in handles]
+        for block in message_blocks:
+            order.add(block)
+        if edit is not None:
+            message_blocks = [edit.apply(block, bag.encoding) for block in message_blocks]
+        passing_blocks = [
+            block
+            if block.topic.name == ungated
+            else gates[block.topic].passing_messages(block, bag.encoding)
+            for block in message_blocks
+            if len(block.t_ns)
+        ]
+        blocks = [
+            Block(handles[block.topic], block.t_ns, translator.payloads(block))
+            for block in passing_blocks
+            if len(block.t_ns)
+        ]
+        writer.write_blocks([*blocks, *additional_blocks])
+        advance(sum(len(block.t_ns) for block in blocks))
+    for gate in gates.values():
+        gate.settle(skipped, warned)
+    order.finish()
+    return lines
+
+
+def _translator(bag: Bag, writer: Writer, topics: Sequence[TopicInfo]) -> "_Translator":
+    """Return the translator of messages from the encoding of a bag to that of a writer.
+
+    :raises InputError: with a line for each topic whose messages cannot be translated.
+    """
+    if bag.encoding == writer.encoding:
+        return _Translator(writer.encoding)
     without_schema = [info for info in topics if not info.type and info.count]
-    if without_schema and bag.encoding != writer.encoding:
+    if without_schema:
         raise InputError(
             [
                 f"{bag.path}: {info.name} has no schema, and cannot be translated; name the other "
@@ -137,55 +186,32 @@ def bag_to_bag(
             ]
         )
     with errors_naming(bag.path):
-        translate = (
-            _Translator(writer.encoding)
-            if bag.encoding == writer.encoding
-            else _Between(bag.encoding, writer.encoding, topics)
-        )
+        return _VersionTranslator(bag.encoding, writer.encoding, topics)
+
+
+def _add_topics(
+    bag: Bag,
+    writer: Writer,
+    topics: Sequence[TopicInfo],
+    renamed: Mapping[str, str],
+    translator: "_Translator",
+) -> tuple[dict[TopicInfo, BagTopic], list[str]]:
+    """Add the topics of a bag to a writer, in their order.
+
+    :param renamed: new names by old ones.
+    :returns: handle of each topic, and a line for each topic and type whose fields differ.
+    """
     handles: dict[TopicInfo, BagTopic] = {}
     lines: list[str] = []
-    keeps_seq = bag.encoding == "ros1"
     for info in topics:
         name = renamed.get(info.name, info.name)
+        schema = translator.schema(info)
         handles[info] = writer.add_topic(
-            name, info.type, info.qos, translate.schema(info), keeps_seq
+            name, info.type, info.qos, schema, keeps_seq=bag.encoding == "ros1"
         )
         if info.count:
-            lines += [f"{name}: {line}" for line in translate.differences(info)]
-    is_open = warned is not None
-    gates = {
-        info: MessageGate(
-            bag.path,
-            info.name,
-            is_open,
-            partial(observe, f"{bag.path}: {info.name}") if info.type in _ORDERED else None,
-        )
-        for info in topics
-    }
-    order = _OrderInMessages(bag.path, bag.encoding, observe)
-    groups = bag.groups({info.name for info in topics})
-    for group, beside_it in _append_messages(groups, additional):
-        copied = [block for block in group if block.topic in handles]
-        for block in copied:
-            order.add(block)
-        if edit is not None:
-            copied = [edit.apply(block, bag.encoding) for block in copied]
-        passed = [
-            b if b.topic.name == ungated else gates[b.topic].passing_messages(b, bag.encoding)
-            for b in copied
-            if len(b.t_ns)
-        ]
-        blocks = [
-            Block(handles[block.topic], block.t_ns, translate.payloads(block))
-            for block in passed
-            if len(block.t_ns)
-        ]
-        writer.write_blocks([*blocks, *beside_it])
-        advance(sum(len(block.t_ns) for block in blocks))
-    for gate in gates.values():
-        gate.settle(skipped, warned)
-    order.finish()
-    return lines
+            lines += [f"{name}: {line}" for line in translator.differences(info)]
+    return handles, lines
 
 
 class _OrderInMessages:
@@ -253,7 +279,7 @@ class _Translator:
         return block.payloads
 
 
-class _Between(_Translator):
+class _VersionTranslator(_Translator):
     """Messages and definitions translated between ROS 1 and ROS 2."""
 
     def __init__(self, source: str, target: str, topics: Sequence[TopicInfo]) -> None:
@@ -273,12 +299,11 @@ class _Between(_Translator):
 
     def payloads(self, block: MessageBlock) -> Payloads:
         """Return the messages in the other encoding."""
-        quick = transcode(block, self._source, self._encoding)
-        if quick is not None:
-            return quick
-        type_name = block.topic.type
+        payloads = transcode(block, self._source, self._encoding)
+        if payloads is not None:  # a type with a fixed layout, translated as a block
+            return payloads
         with errors_naming(Path(block.topic.name)):
-            convert = self._convert(type_name)
+            convert = self._convert(block.topic.type)
             return [bytes(convert(message)) for message in as_list(block.payloads)]
 
 

@@ -36,7 +36,7 @@ from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Bytes, Integers
 
 if TYPE_CHECKING:
-    from mcap.records import Channel
+    from mcap.records import Channel, ChunkIndex, Statistics
     from mcap.records import Schema as SchemaRecord
 
 _HEADER_BYTES = 9
@@ -95,6 +95,48 @@ class _Chunk(NamedTuple):
     """False: kept, although its checksum is wrong."""
 
 
+class _Summary(NamedTuple):
+    """Records of the summary section of a file."""
+
+    schemas: dict[int, "SchemaRecord"]
+    channels: dict[int, "Channel"]
+    chunk_indexes: list["ChunkIndex"]
+    statistics: "Statistics | None"
+
+
+def _parse_summary(summary: bytes) -> _Summary:
+    """Return the records of a summary.
+
+    :raises ValueError: if they are not whole; the parser of ``mcap`` raises McapError as well.
+    """
+    from io import BytesIO
+
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Channel, ChunkIndex, Statistics
+    from mcap.records import Schema as SchemaRecord
+
+    schemas, channels = dict[int, SchemaRecord](), dict[int, Channel]()
+    chunk_indexes: list[ChunkIndex] = []
+    statistics = None
+    record_end = 0
+    for opcode, start, length in _records(memoryview(summary)):
+        record_end = start + _HEADER_BYTES + length
+        body = ReadDataStream(BytesIO(summary[start + _HEADER_BYTES : record_end]))
+        if opcode == _SCHEMA:
+            schema = SchemaRecord.read(body)
+            schemas[schema.id] = schema
+        elif opcode == _CHANNEL:
+            channel = Channel.read(body)
+            channels[channel.id] = channel
+        elif opcode == _CHUNK_INDEX:
+            chunk_indexes.append(ChunkIndex.read(body))
+        elif opcode == _STATISTICS:
+            statistics = Statistics.read(body)
+    if record_end != len(summary):
+        raise ValueError("the summary is that of another file")
+    return _Summary(schemas, channels, chunk_indexes, statistics)
+
+
 class WrongChecksumError(ValueError):
     """A chunk whose checksum is not that of its content."""
 
@@ -123,47 +165,27 @@ class McapBag(ChunkedBag[_Chunk]):
         self._name_topics(self._scan() if counts is None or self._recover else counts)
 
     def _read_summary(self) -> Mapping[int, int] | None:
-        """Read the summary at the end of the file; None if it has no chunk index."""
-        from io import BytesIO
+        """Read definitions and chunks from the summary at the end of the file.
 
-        from mcap.data_stream import ReadDataStream
+        :returns: number of messages by channel; None: the file has no index of all chunks.
+        :raises InputError: for a file without a valid end.
+        """
         from mcap.exceptions import McapError
-        from mcap.records import Channel, ChunkIndex, Statistics
-        from mcap.records import Schema as SchemaRecord
 
-        schemas, channels = dict[int, SchemaRecord](), dict[int, Channel]()
-        indexes: list[ChunkIndex] = []
-        statistics = None
         try:
-            end = self._end - len(MAGIC) - _FOOTER_BYTES - _HEADER_BYTES
-            opcode, _, begin = struct.unpack_from("<BQQ", self._bytes(end, self._end - end))
-            if opcode != _FOOTER or begin > end:
-                raise ValueError("there is no footer, or that of another file")
-            summary = self._bytes(begin, end - begin) if begin else b""
-            record_end = 0
-            for opcode, start, length in _records(memoryview(summary)):
-                record_end = start + _HEADER_BYTES + length
-                body = ReadDataStream(BytesIO(summary[start + _HEADER_BYTES : record_end]))
-                if opcode == _SCHEMA:
-                    schema = SchemaRecord.read(body)
-                    schemas[schema.id] = schema
-                elif opcode == _CHANNEL:
-                    channel = Channel.read(body)
-                    channels[channel.id] = channel
-                elif opcode == _CHUNK_INDEX:
-                    indexes.append(ChunkIndex.read(body))
-                elif opcode == _STATISTICS:
-                    statistics = Statistics.read(body)
-            if record_end != len(summary):
-                raise ValueError("the summary is that of another file")
+            summary = _parse_summary(self._summary_bytes())
         except (McapError, *DAMAGE):
             raise InputError(
                 f"{self.path}: no valid end (interrupted or damaged); {recovery_advice()}"
             ) from None
+        statistics = summary.statistics
         if statistics is None or (statistics.chunk_count == 0 and statistics.message_count):
             return None
-        self._schemas, self._channels = schemas, channels
-        if len(indexes) != statistics.chunk_count or len(channels) != statistics.channel_count:
+        self._schemas, self._channels = summary.schemas, summary.channels
+        if (
+            len(summary.chunk_indexes) != statistics.chunk_count
+            or len(summary.channels) != statistics.channel_count
+        ):
             return None
         self._chunks = [
             _Chunk(
@@ -172,9 +194,20 @@ class McapBag(ChunkedBag[_Chunk]):
                 index.message_index_length,
                 index.message_start_time,
             )
-            for index in indexes
+            for index in summary.chunk_indexes
         ]
         return statistics.channel_message_counts
+
+    def _summary_bytes(self) -> bytes:
+        """Return the records between the beginning of the summary and the footer; empty: none.
+
+        :raises ValueError: if the file does not end with a footer that points into the file.
+        """
+        footer = self._end - len(MAGIC) - _FOOTER_BYTES - _HEADER_BYTES
+        opcode, _, begin = struct.unpack_from("<BQQ", self._bytes(footer, self._end - footer))
+        if opcode != _FOOTER or begin > footer:
+            raise ValueError("there is no footer, or that of another file")
+        return self._bytes(begin, footer - begin) if begin else b""
 
     def _scan(self) -> Mapping[int, int]:
         """Find all chunks and channels without an index, and count the messages.

@@ -37,7 +37,7 @@ from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene_parameters import check_surfaces
-from imu_sim_ros.sensors.camera.view import view_of
+from imu_sim_ros.sensors.camera.view import View, view_of
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
@@ -98,8 +98,11 @@ class ImageFolders:
         assert world.threads is not None
         self._threads, self._max_pending = world.threads, _AHEAD * jobs
         self._folder, self._tables, self._has_16_bits = folder, form != "csv", form == "tum_vi"
-        cameras = {n: o for n, o in cameras_in(sensors).items() if self._outputs(o.parameters)}
-        for name in cameras_in(sensors):
+        all_cameras = cameras_in(sensors)
+        cameras = {
+            name: camera for name, camera in all_cameras.items() if self._outputs(camera.parameters)
+        }
+        for name in all_cameras:
             if name not in cameras:
                 depth = "" if form == "csv" else ", depth and flow"
                 warn(f"{name}: images{depth} are switched off: nothing of it is written")
@@ -115,22 +118,30 @@ class ImageFolders:
         self._is_closed = False
         """True after an interruption: no further file is written."""
         for view in self.views:
-            outputs = self._outputs(view.parameters)
-            if DEPTH_FOLDER in outputs:
-                outputs += self._truth_folders[1:]
-            for output in outputs:
-                target = folder / view.name / output
-                try:
-                    target.mkdir(parents=True)
-                except OSError as error:
-                    raise system_error(target, error) from None
+            self._make_camera_folders(view)
             if form == "euroc":
                 comment = f"simulated by imu_sim_ros, seed {world.environment.seed}"
                 text = _sensor_yaml(view.parameters, comment)
                 (folder / view.name / "sensor.yaml").write_text(text, encoding="utf-8")
-        camera = next(iter(cameras_in(sensors).values()))
+        # All cameras see the same scene: its tables are written once.
+        any_camera = next(iter(all_cameras.values()))
         with Tables() as tables:
-            add_tables(tables, folder, view_of(camera, world), world.scene)
+            add_tables(tables, folder, view_of(any_camera, world), world.scene)
+
+    def _make_camera_folders(self, view: View) -> None:
+        """Make the folders of a camera's images, depth, masks and flow.
+
+        :raises InputError: for a folder that cannot be made.
+        """
+        outputs = self._outputs(view.parameters)
+        if DEPTH_FOLDER in outputs:
+            outputs += self._truth_folders[1:]
+        for output in outputs:
+            target = self._folder / view.name / output
+            try:
+                target.mkdir(parents=True)
+            except OSError as error:
+                raise system_error(target, error) from None
 
     @property
     def counts(self) -> dict[str, int]:

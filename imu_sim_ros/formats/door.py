@@ -245,7 +245,7 @@ def read_states(
         states = sort_poses(states, skip_bad_rows)
     if len(states) < minimum:
         name = str(path) if topic is None else f"{path}, {topic}"
-        raise InputError(f"{name}: {len(states)} poses; a trajectory needs two or more")
+        raise InputError(f"{name}: {len(states)} poses; a trajectory needs {minimum} or more")
     if warned is not None:
         return states
     # All zeros: unknown (REP-145).

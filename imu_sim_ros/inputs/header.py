@@ -404,46 +404,62 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     problems = list(_problems(names, columns, place))
     if problems:
         raise ValueError("; ".join(problems))
-    bare = _quantity_of_bare_axes(columns, place)
-    places: dict[str, dict[str, int]] = {}
-    units: dict[str, set[str]] = {}
-    stamps: list[int] = []
-    for k, column in enumerate(columns):
-        if column is None:
-            continue
-        if column.quantity == STAMP:
-            stamps.append(k)
-            continue
-        quantity = str(bare) if column.quantity == _BARE else column.quantity
-        places.setdefault(quantity, {})[column.axis] = k
-        units.setdefault(quantity, set()).add(column.unit)
-    stamp = next((k for k in stamps if "stamp" in names[k].lower()), stamps[0])
-    stamp, nanosecond = _pair(names, columns, stamps, stamp)
-    stamp_column = columns[stamp]
-    unit = "" if stamp_column is None else stamp_column.unit
-    digits = TIME_UNITS[unit] if unit else None
-    if digits is None and any("accelerometer_m_s2" in name or "gyro_rad" in name for name in names):
-        digits = TIME_UNITS["us"]  # PX4's uORB topics
-    unit_by_quantity = {
-        quantity: next(iter(stamp_column)) for quantity, stamp_column in units.items()
-    }
-    factors = {
-        quantity: UNITS[quantity][unit] if unit else 1.0
-        for quantity, unit in unit_by_quantity.items()
-    }
+    places, units = _columns_by_quantity(columns, _quantity_of_bare_axes(columns, place))
+    stamp, nanosecond = _stamp_columns(names, columns)
     return TableHeader(
         len(names),
         stamp,
         nanosecond,
-        digits,
+        _stamp_digits(names, columns[stamp]),
         {
-            name: tuple(axes[axis] for axis in AXES_OF[name] or ("",))
-            for name, axes in places.items()
+            quantity: tuple(axes[axis] for axis in AXES_OF[quantity] or ("",))
+            for quantity, axes in places.items()
         },
-        factors,
-        {name: unit for name, unit in unit_by_quantity.items() if unit},
+        {quantity: UNITS[quantity][unit] if unit else 1.0 for quantity, unit in units.items()},
+        {quantity: unit for quantity, unit in units.items() if unit},
         notes,
     )
+
+
+def _columns_by_quantity(
+    columns: Sequence[ColumnName | None], bare_quantity: str | None
+) -> tuple[dict[str, dict[str, int]], dict[str, str]]:
+    """Return the number of each axis' column, and the unit, of each quantity except stamps.
+
+    All columns of a quantity have the same unit.
+
+    :param bare_quantity: quantity of the columns ``x``, ``y``, ``z`` without a name.
+    """
+    places: dict[str, dict[str, int]] = {}
+    units: dict[str, str] = {}
+    for k, column in enumerate(columns):
+        if column is None or column.quantity == STAMP:
+            continue
+        quantity = str(bare_quantity) if column.quantity == _BARE else column.quantity
+        places.setdefault(quantity, {})[column.axis] = k
+        units.setdefault(quantity, column.unit)
+    return places, units
+
+
+def _stamp_columns(
+    names: Sequence[str], columns: Sequence[ColumnName | None]
+) -> tuple[int, int | None]:
+    """Return the column of the stamp, and that of its nanoseconds; None: it is one column.
+
+    Of several stamps, that with ``stamp`` in its name is read, else the first.
+    """
+    stamps = [k for k, column in enumerate(columns) if _is_stamp(column)]
+    stamp = next((k for k in stamps if "stamp" in names[k].lower()), stamps[0])
+    return _pair(names, columns, stamps, stamp)
+
+
+def _stamp_digits(names: Sequence[str], stamp: ColumnName | None) -> int | None:
+    """Return the decimal digits between a stamp's unit and a nanosecond; None: no unit is named."""
+    if stamp is not None and stamp.unit:
+        return TIME_UNITS[stamp.unit]
+    if any("accelerometer_m_s2" in name or "gyro_rad" in name for name in names):
+        return TIME_UNITS["us"]  # PX4's uORB topics
+    return None
 
 
 def _is_stamp(column: ColumnName | None) -> bool:

@@ -219,70 +219,121 @@ def add_errors_to_file(
         _add_source_problems(source_path, choice, problems)
     problems.tell()
     input_files = [source_path, *parameter_files(params_file), *layers.values()]
-    written = outputs(force, discard_partial, input_files)
+    staging = outputs(force, discard_partial, input_files)
     journal = Journal(source_path, arguments.boolean("skip_bad_rows", skip_bad_rows))
     left_out = {
         resolve_topic(name.strip()) for name in arguments.string_list("without", without) if name
     }
     started = time.perf_counter()
-    names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
-    unfit = [name for name in names if name not in OF_THE_ERROR_MODEL]
-    if unfit:
-        raise InputError([unknown_name_line("topic", name, OF_THE_ERROR_MODEL) for name in unfit])
-    added = USUAL if dataset else list(dict.fromkeys(names)) or USUAL
-    target = written.add(path, keep_partial=True)
-    with written.stage(), tempfile.TemporaryDirectory(dir=target.path.parent) as temporary:
-        folder, is_text = Path(temporary), not has_topics(source_path)
-        recording, notes = _Ideal(source_path, choice, journal), list[str]()
-        if is_text:
-            add_rate(layers, recording.rate)  # refused before work begins
-        if is_text and dataset:
-            tally, messages, notes = _dataset_to_dataset(recording, target, folder, dataset, layers)
-        else:
-            ideal, noisy = source_path, folder / "noisy.mcap" if dataset else target.path
-            if is_text or not choice.is_plain:
-                ideal = folder / "between.mcap"
-                notes = recording.convert(ideal, Form())
-                topic = streams.READINGS if choice.merges else None if is_text else topic
-            with open_bag(ideal) as bag:
-                bag.path = source_path  # for messages
-                readings = source_topic(bag, topic)
-                built = add_rate(layers, lambda: mean_rate(bag, readings))
-                if "imu/data" in added and (wrong := list(orientation_problems(built.imu))):
-                    raise InputError(wrong)
-                if readings.type == ODOMETRY and not choice.is_plain:
-                    raise InputError(
-                        f"{source_path}: frame, topics and units are those of readings; "
-                        f"{readings.name} is odometry"
-                    )
-                if readings.type == ODOMETRY:
-                    for line in twist_warnings(bag, readings, built.input.twist_frame):
-                        journal.warn(line)
-                if is_text:  # a dataset's biases are those of the readings before
-                    present = {resolve_topic(info.name) for info in bag.topics}
-                    left_out |= {resolve_topic(name) for name in added} & present - {readings.name}
-                copied = _topics_to_copy(bag, left_out)
-                if dataset:
-                    copied = [info for info in copied if info.type != readings.type]
-                topic_names, renamed = names_in(bag, readings, copied, added, dict(form.renamed))
-                errors = BagErrors(bag, readings, built, topic_names, journal.warn)
-                total = sum(info.count for info in {*copied, readings})
-                with (
-                    open_writer(noisy, form.bag) as writer,
-                    progress(f"writing {path}", lambda: total) as advance,
-                ):
-                    if not dataset:
-                        target.summary = lambda: topics_summary(writer.topics)
-                    warned = (journal.passed_on if ideal == source_path else None) or _unsaid
-                    errors.write(writer, copied, renamed, advance, journal.skipped, warned)
-                tally = errors.model.counts
-                messages = {info.name: info.count for info in writer.topics}
-            if dataset:
-                convert.write(
-                    noisy, target.path, Form(dataset), Outputs([noisy]), journal, shown=False
-                )
+    added = _topics_to_add(form)
+    target = staging.add(path, keep_partial=True)
+    ideal = _Ideal(source_path, choice, journal)
+    task = _Task(ideal, topic, layers, added, left_out, form, target)
+    with staging.stage(), tempfile.TemporaryDirectory(dir=target.path.parent) as temporary:
+        tally, messages, notes = _write_with_errors(task, Path(temporary))
     wall_s = time.perf_counter() - started
     return ErrorsAdded(path, messages, tally, wall_s, tuple(journal.lines), tuple(notes))
+
+
+def _topics_to_add(form: Form) -> list[str]:
+    """Return the relative names of the topics that the error model writes.
+
+    :raises InputError: with a line for each name that is no topic of the error model.
+    """
+    names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
+    unknown = [name for name in names if name not in OF_THE_ERROR_MODEL]
+    if unknown:
+        raise InputError([unknown_name_line("topic", name, OF_THE_ERROR_MODEL) for name in unknown])
+    return list(USUAL) if form.dataset else list(dict.fromkeys(names)) or list(USUAL)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Input, error model and output of one call of :func:`add_errors_to_file`."""
+
+    ideal: _Ideal
+    topic: str | None
+    """Topic of the ideal readings in the source; None: the only one."""
+    layers: dict[str, object]
+    """Parameters of the error model by dotted name; the rate may still be that of the input."""
+    added: Sequence[str]
+    """Relative names of the topics that the error model writes."""
+    left_out: Collection[str]
+    """Absolute names of the topics of the source that are not copied."""
+    form: Form
+    target: Target
+
+
+def _write_with_errors(task: _Task, folder: Path) -> tuple[Counts, dict[str, int], list[str]]:
+    """Write the output of a task, by way of bags where the source or the output is none.
+
+    :param folder: empty folder for the files in between.
+    :returns: what happened to the readings, the messages by topic, and notes of reading.
+    """
+    source, form, target = task.ideal, task.form, task.target
+    is_text = not has_topics(source.path)
+    if is_text:
+        add_rate(task.layers, source.rate)  # refused before work begins
+    if is_text and form.dataset:
+        return _dataset_to_dataset(source, target, folder, form.dataset, task.layers)
+    ideal_bag, topic, notes = source.path, task.topic, list[str]()
+    if is_text or not source.choice.is_plain:
+        ideal_bag = folder / "between.mcap"
+        notes = source.convert(ideal_bag, Form())
+        topic = streams.READINGS if source.choice.merges else None if is_text else topic
+    noisy_bag = folder / "noisy.mcap" if form.dataset else target.path
+    tally, messages = _write_noisy_bag(task, ideal_bag, topic, noisy_bag)
+    if form.dataset:
+        output, staging = Form(form.dataset), Outputs([noisy_bag])
+        convert.write(noisy_bag, target.path, output, staging, source.journal, shown=False)
+    return tally, messages, notes
+
+
+def _write_noisy_bag(
+    task: _Task, ideal_bag: Path, topic: str | None, noisy_bag: Path
+) -> tuple[Counts, dict[str, int]]:
+    """Copy a bag, and add the topics of the error model.
+
+    :param ideal_bag: the source, or a bag with its content.
+    :param topic: topic of the ideal readings in this bag; None: the only one.
+    :returns: what happened to the readings, and the messages by topic.
+    """
+    source_path, journal, form = task.ideal.path, task.ideal.journal, task.form
+    is_source = ideal_bag == source_path
+    with open_bag(ideal_bag) as bag:
+        bag.path = source_path  # for messages
+        readings = source_topic(bag, topic)
+        parameters = add_rate(task.layers, lambda: mean_rate(bag, readings))
+        if "imu/data" in task.added and (problems := list(orientation_problems(parameters.imu))):
+            raise InputError(problems)
+        if readings.type == ODOMETRY:
+            if not task.ideal.choice.is_plain:
+                raise InputError(
+                    f"{source_path}: frame, topics and units are those of readings; "
+                    f"{readings.name} is odometry"
+                )
+            for line in twist_warnings(bag, readings, parameters.input.twist_frame):
+                journal.warn(line)
+        left_out = set(task.left_out)
+        if not has_topics(source_path):  # a dataset's biases are those of the readings before
+            present = {resolve_topic(info.name) for info in bag.topics}
+            left_out |= {resolve_topic(name) for name in task.added} & present - {readings.name}
+        copied = _topics_to_copy(bag, left_out)
+        if form.dataset:
+            copied = [info for info in copied if info.type != readings.type]
+        topic_names, renamed = names_in(bag, readings, copied, task.added, dict(form.renamed))
+        errors = BagErrors(bag, readings, parameters, topic_names, journal.warn)
+        message_count = sum(info.count for info in {*copied, readings})
+        with (
+            open_writer(noisy_bag, form.bag) as writer,
+            progress(f"writing {task.target.final}", lambda: message_count) as advance,
+        ):
+            if not form.dataset:
+                task.target.summary = lambda: topics_summary(writer.topics)
+            # The conversion to a bag in between has reported bad messages already.
+            warned = (journal.passed_on if is_source else None) or _ignore_count
+            errors.write(writer, copied, renamed, advance, journal.skipped, warned)
+        return errors.model.counts, {info.name: info.count for info in writer.topics}
 
 
 def _add_source_problems(path: Path, choice: Choice, problems: Problems) -> None:
@@ -324,7 +375,7 @@ class _Ideal:
 
     def blocks(self) -> Iterator[Readings]:
         """Yield the readings in blocks; bad rows are counted elsewhere."""
-        skipped = self.journal.skipped and _unsaid
+        skipped = self.journal.skipped and _ignore_count
         return reading_blocks(self.path, self.choice, Handling(skipped))
 
     def rate(self) -> float:
@@ -380,5 +431,5 @@ def _dataset_to_dataset(
     return model.counts, {resolve_topic(IMU_TOPIC): count}, notes
 
 
-def _unsaid(_: object) -> None:
+def _ignore_count(_: object) -> None:
     """Ignore a count that another part reports."""

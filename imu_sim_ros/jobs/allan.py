@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -47,6 +47,7 @@ from imu_sim_ros.terminal.progress import progress
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
 if TYPE_CHECKING:
+    from imu_sim_ros.formats.choice import Choice
     from imu_sim_ros.plots.style import Figure
 
 
@@ -302,45 +303,24 @@ def allan(
     arguments.choice("model", model, MODELS)
     arguments.boolean("force", force)
     arguments.boolean("skip_bad_rows", skip_bad_rows)
-    if isinstance(source, str | PathLike | Sequence):  # piece by piece: these records are long
-        # Flights and records need no file.
-        from imu_sim_ros.formats.door import reading_blocks
-        from imu_sim_ros.formats.handling import Handling
-
+    if isinstance(source, str | PathLike | Sequence):
         # A checker takes a flight, whose attributes are those of its sensors, for a path as well.
         sources: Any = [source] if isinstance(source, str | PathLike) else source
         paths = [arguments.path("source", entry, BAG_OR_FILE) for entry in sources]
         if not paths:
             arguments.refuse("source", source, BAG_OR_FILE)
-        problems = Problems()
         units = gyro_unit, accel_unit
         choice = check_choice(topic, frame, gyro_topic, accel_topic, *units, of_a_file=True)
-        for path in paths if len(paths) > 1 else ():  # before long records are read
-            with problems.collect():
-                next(reading_blocks(path, choice, Handling(lambda count: None)), None)
-        problems.tell()
-        blocks = (
-            reading_blocks(path, choice, Handling(tell_skipped(path) if skip_bad_rows else None))
-            for path in paths
-        )
-        problems_of_units: list[str] = []
-        notes: list[str] = []
-        judged = (_judge_units(stream, problems_of_units, notes) for stream in blocks)
-        reading = progress("read", lambda: sum(_count(path, topic) for path in paths))
-        with _prepend_notes(problems_of_units), reading as advance:
-            result = analyse(judged, model=model, force=force, advance=advance)
+        analysis = _analyse_files(paths, choice, topic, model, force, skip_bad_rows)
         name, origin = ", ".join(map(name_of, paths)), ", ".join(map(str, paths))
     else:
         selection = (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
         readings = readings_of("source", source, topic, selection=selection)
-        problems_of_units = []
-        if not isinstance(source, Flight):
-            _judge(readings, problems_of_units)
-        notes = list(readings.notes)
-        with _prepend_notes(problems_of_units):
-            result = analyse([[readings]], model=model, force=force)
+        is_simulated = isinstance(source, Flight)
+        analysis = _analyse_readings(readings, model, force, check_units=not is_simulated)
         name, origin = readings.source, ""
-    result = result._replace(warnings=(*problems_of_units, *result.warnings))
+    warnings = (*analysis.problems, *analysis.result.warnings)
+    result = analysis.result._replace(warnings=warnings)
     return Noise(
         gyroscope=_triad(result, 0),
         accelerometer=_triad(result, 1),
@@ -351,8 +331,66 @@ def allan(
         result=result,
         name=name,
         source=origin,
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(dict.fromkeys(analysis.notes)),
     )
+
+
+class _Analysis(NamedTuple):
+    """Allan analysis of one source, with the findings about its readings."""
+
+    result: AllanResult
+    problems: Sequence[str]
+    """A line for each fault of the readings that does not prevent the analysis, such as a unit."""
+    notes: Sequence[str]
+    """Choices and conversions of reading, a line each."""
+
+
+def _analyse_files(
+    paths: Sequence[Path],
+    choice: Choice,
+    topic: str | None,
+    model: str,
+    force: bool,
+    skip_bad_rows: bool,
+) -> _Analysis:
+    """Return the analysis of files, read block by block because records at rest are long.
+
+    :param choice: selection of the readings in each file; ``topic``: its topic, to count messages.
+    """
+    # Flights and records need no file.
+    from imu_sim_ros.formats.door import reading_blocks
+    from imu_sim_ros.formats.handling import Handling
+
+    if len(paths) > 1:  # a file that cannot be read is told before hours of another are read
+        file_problems = Problems()
+        for path in paths:
+            with file_problems.collect():
+                next(reading_blocks(path, choice, Handling(lambda count: None)), None)
+        file_problems.tell()
+    blocks_of_files = (
+        reading_blocks(path, choice, Handling(tell_skipped(path) if skip_bad_rows else None))
+        for path in paths
+    )
+    problems: list[str] = []
+    notes: list[str] = []
+    checked_blocks = (_judge_units(blocks, problems, notes) for blocks in blocks_of_files)
+    reading = progress("read", lambda: sum(_count(path, topic) for path in paths))
+    with _prepend_notes(problems), reading as advance:
+        result = analyse(checked_blocks, model=model, force=force, advance=advance)
+    return _Analysis(result, problems, notes)
+
+
+def _analyse_readings(readings: Readings, model: str, force: bool, check_units: bool) -> _Analysis:
+    """Return the analysis of readings in memory.
+
+    :param check_units: look for units that are not SI, which simulated readings cannot have.
+    """
+    problems: list[str] = []
+    if check_units:
+        _judge(readings, problems)
+    with _prepend_notes(problems):
+        result = analyse([[readings]], model=model, force=force)
+    return _Analysis(result, problems, readings.notes)
 
 
 @contextmanager

@@ -187,73 +187,118 @@ def campaign(
         arguments.text("scheduler", scheduler, "tcp://HOST:PORT")
     if batch is not None:
         arguments.integer("batch", batch, "at least 1", 1, 1 << 31)
-    loaded = load_plan(path)
-    problems, metric_names = [], (*loaded.metrics, SUCCESS)
-    if (
-        arguments.text("metric", metric, "the name of a metric", empty=True)
-        and metric not in metric_names
-    ):
-        problems.append(
-            f"{argument_prefix('metric', short_repr(metric))}: {suggestion(metric, metric_names)}"
-        )
-    if dask and scheduler:
-        problems.append(f"{argument('dask')} and {argument('scheduler')}: choose one")
-    if resume and force:
-        problems.append(f"{argument('resume')} and {argument('force')}: choose one")
-    if limits.non_inferiority is not None and baseline_path is None:
-        needs_baseline = f"needs {argument('baseline')}"
-        problems.append(
-            f"{argument_prefix('non_inferiority', str(limits.non_inferiority))}: {needs_baseline}"
-        )
-    if baseline_anyway and baseline_path is None:
-        problems.append(f"{argument_prefix('baseline_anyway')}: needs {argument('baseline')}")
-    if baseline_path is not None and _lies_in(baseline_path, folder):
-        problems.append(
-            f"{argument_prefix('baseline', str(baseline_path))}: is written by this campaign"
-        )
+    campaign_plan = load_plan(path)
+    problems = [
+        *_metric_problems(metric, campaign_plan),
+        *_exclusive_problems(("dask", dask), ("scheduler", scheduler)),
+        *_exclusive_problems(("resume", resume), ("force", force)),
+        *_baseline_problems(baseline_path, folder, limits, baseline_anyway),
+    ]
     if problems:
         raise InputError(problems)
-    check_plan(loaded, path)
+    check_plan(campaign_plan, path)
     started = time.perf_counter()
-    baseline_rows = None if baseline_path is None else read_results(baseline_path)
-    notes: list[str] = []
-    if baseline_path is not None and baseline_rows is not None:
-        identities = identities_of_plan(loaded, baseline_rows)
-        if difference := differences(loaded, identities, baseline_path, baseline_rows):
-            if not baseline_anyway:
-                raise InputError(plan_mismatch(baseline_path, difference))
-            notes.append(f"the baseline is of another plan: {difference}")
-    judged = metric or loaded.metrics[0]
+    baseline_rows, notes = _read_baseline(campaign_plan, baseline_path, baseline_anyway)
+    judged_metric = metric or campaign_plan.metrics[0]
     with (
         _explain_full_disk(folder),
         Store(folder, resume, force) as store,
-        _engine(loaded, processes, scheduler, dask, worker_timeout) as engine,
+        _engine(campaign_plan, processes, scheduler, dask, worker_timeout) as engine,
     ):
         with _explain_interruption(folder):
             store.keep_plan(path)
-            done = min(sum(1 for _ in store.rows()), loaded.run_count)
-            tally = runs.Tally(loaded, done)
-            with progress("", lambda: loaded.run_count, done=done) as advance:
-                advance(0, tally.add([]))
-                outcome = runs.run(
-                    loaded,
-                    store,
-                    engine,
-                    lambda rows: advance(len(rows), tally.add(rows)),
-                    retry_failed,
-                    batch,
-                )
+            outcome = _execute_runs(campaign_plan, store, engine, retry_failed, batch)
             if report:
                 # A metric that no run has cannot be drawn.
-                has_metric = any(row.get(judged) is not None for row in outcome.rows)
-                drawn = judged if has_metric or judged == SUCCESS else ""
+                has_metric = any(row.get(judged_metric) is not None for row in outcome.rows)
+                drawn_metric = judged_metric if has_metric or judged_metric == SUCCESS else ""
                 baselines = [baseline_path] if baseline_path else []
-                anyway = baseline_anyway
-                write_campaign_page(folder, drawn, baselines, limits, command, anyway)
+                write_campaign_page(
+                    folder, drawn_metric, baselines, limits, command, baseline_anyway
+                )
         current_watcher().complete(folder)
-    judgement = judge(loaded, outcome.rows, judged, baseline_rows, *limits)
+    judgement = judge(campaign_plan, outcome.rows, judged_metric, baseline_rows, *limits)
     wall_s = time.perf_counter() - started
-    return Campaign(loaded, folder, outcome.rows, outcome.executed, judgement, wall_s, notes)
+    return Campaign(campaign_plan, folder, outcome.rows, outcome.executed, judgement, wall_s, notes)
+
+
+def _metric_problems(metric: str, plan: Plan) -> list[str]:
+    """Return a line if a plan does not have a metric; an empty name is the plan's default."""
+    metric_names = (*plan.metrics, SUCCESS)
+    name = arguments.text("metric", metric, "the name of a metric", empty=True)
+    if not name or name in metric_names:
+        return []
+    return [f"{argument_prefix('metric', short_repr(name))}: {suggestion(name, metric_names)}"]
+
+
+def _exclusive_problems(*name_values: tuple[str, object]) -> list[str]:
+    """Return a line if all of some arguments are set; at most one of them may be.
+
+    :param name_values: name and value of each argument.
+    """
+    if not all(value for _, value in name_values):
+        return []
+    return [f"{' and '.join(argument(name) for name, _ in name_values)}: choose one"]
+
+
+def _baseline_problems(
+    path: Path | None, folder: Path, limits: Limits, baseline_anyway: bool
+) -> Iterator[str]:
+    """Yield a line for each argument about a baseline that contradicts another argument.
+
+    :param path: folder or table of the baseline; None: there is no baseline.
+    :param folder: output of the campaign, which cannot be its baseline as well.
+    """
+    needs_baseline = f"needs {argument('baseline')}"
+    if limits.non_inferiority is not None and path is None:
+        prefix = argument_prefix("non_inferiority", str(limits.non_inferiority))
+        yield f"{prefix}: {needs_baseline}"
+    if baseline_anyway and path is None:
+        yield f"{argument_prefix('baseline_anyway')}: {needs_baseline}"
+    if path is not None and _lies_in(path, folder):
+        yield f"{argument_prefix('baseline', str(path))}: is written by this campaign"
+
+
+def _read_baseline(
+    plan: Plan, path: Path | None, allow_mismatch: bool
+) -> tuple[list[Row] | None, list[str]]:
+    """Return the rows of a baseline, and a line if they are of another plan.
+
+    :param path: folder or table of the baseline; None: there is none, nor are there rows.
+    :param allow_mismatch: accept a baseline of another plan.
+    :raises InputError: for a file that cannot be read, and a baseline of another plan.
+    """
+    if path is None:
+        return None, []
+    rows = read_results(path)
+    difference = differences(plan, identities_of_plan(plan, rows), path, rows)
+    if not difference:
+        return rows, []
+    if not allow_mismatch:
+        raise InputError(plan_mismatch(path, difference))
+    return rows, [f"the baseline is of another plan: {difference}"]
+
+
+def _execute_runs(
+    plan: Plan, store: Store, engine: Engine, retry_failed: bool, batch: int | None
+) -> runs.Outcome:
+    """Execute the runs that a store does not have yet, with progress, and return all rows.
+
+    :param retry_failed: repeat the failed runs of the store.
+    :param batch: number of seeds per task; None: the estimator's default.
+    """
+    done = min(sum(1 for _ in store.rows()), plan.run_count)
+    tally = runs.Tally(plan, done)
+    with progress("", lambda: plan.run_count, done=done) as advance:
+        advance(0, tally.add([]))
+        return runs.run(
+            plan,
+            store,
+            engine,
+            lambda rows: advance(len(rows), tally.add(rows)),
+            retry_failed,
+            batch,
+        )
 
 
 class Limits(NamedTuple):

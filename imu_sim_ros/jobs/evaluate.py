@@ -391,59 +391,77 @@ def evaluate(
     number("max_gap", max_gap, "a number of seconds, 0 or above", 0.0)
     choice("align", align, ALIGNMENTS)
     boolean("time_offset", time_offset)
-    folder = None if tracks is None else checked_path("tracks", tracks, "the path of a folder")
-    alignment = None if align == "none" else align
+    track_folder = (
+        None if tracks is None else checked_path("tracks", tracks, "the path of a folder")
+    )
     rpe_deltas = _deltas("rpe", rpe)
     skip = boolean("skip_bad_rows", skip_bad_rows)
     trajectory_arguments = {
-        "align": alignment,
+        "align": None if align == "none" else align,
         "tracks": tracks,
         "time_offset": time_offset or None,
         "rpe": [f"{length:g}{unit}" for length, unit in rpe_deltas] or None,
     }
-    problems = Problems()
-    table = None
-    with problems.collect():
-        table = _table(estimate, estimate_topic)
-    if problems and isinstance(truth, str | Path):
-        with problems.collect():
-            has_truth(checked_path("truth", truth, BAG_OR_FILE))
-    problems.tell()
+    table = _table_of_paths(estimate, estimate_topic, truth)
     if table is not None:
         _refuse_all(trajectory_arguments, f"omitted: {estimate_topic} is no trajectory")
-        recording = (truth, truth_topic)
-        return _compare_measurements(
-            table, (estimate, str(estimate_topic)), recording, max_gap, imu, skip
-        )
+        measurement, recording = (estimate, str(estimate_topic)), (truth, truth_topic)
+        return _compare_measurements(table, measurement, recording, max_gap, imu, skip)
     _refuse_all({"imu": imu}, "omitted: it is about recorded orientations")
     if is_attitude_estimate(estimate):
         _refuse_all(trajectory_arguments, "omitted: attitudes alone have no positions")
-        true = _track("truth", truth, truth_topic, skip)
-        return evaluate_attitude(estimate, true, max_gap)
+        true_track = _track("truth", truth, truth_topic, skip)
+        return evaluate_attitude(estimate, true_track, max_gap)
+    problems = Problems()
     with problems.collect():
         _check_exchanged(estimate, truth, estimate_topic)
         _check_two(estimate, truth, estimate_topic, truth_topic)
     with problems.collect():
         track = _track("estimate", estimate, estimate_topic, skip)
     with problems.collect():
-        true = _track("truth", truth, truth_topic, skip)
+        true_track = _track("truth", truth, truth_topic, skip)
     with problems.collect():
-        track_folder = None if folder is None else _read_tracks(folder)
+        image_tracks = None if track_folder is None else _read_tracks(track_folder)
     problems.tell()
-    trajectory_errors = evaluation(track, true, align, max_gap, time_offset)
-    if getattr(estimate, "role", "") != "estimate":
-        name = name_of(Path(estimate)) if isinstance(estimate, str | Path) else repr(estimate)
-        pairs = TruthPairs.of(
-            f"estimate: {name}",
-            trajectory_errors.unaligned,
-            true,
-            trajectory_errors.truth,
+    trajectory_errors = evaluation(track, true_track, align, max_gap, time_offset)
+    _judge_pairs(estimate, true_track, trajectory_errors)
+    if image_tracks is not None:
+        reprojection = _reprojection(
+            image_tracks, str(track_folder), trajectory_errors.estimate, true_track
         )
-        EVALUATE.judge(pair_findings(pairs), warn)
-    if track_folder is not None:
-        reprojection = _reprojection(track_folder, str(folder), trajectory_errors.estimate, true)
         trajectory_errors = replace(trajectory_errors, reprojection=reprojection)
     return replace(trajectory_errors, rpe=rpe_deltas)
+
+
+def _table_of_paths(estimate: object, topic: str | None, truth: object) -> Table | None:
+    """Return the sensor's table of an estimate's topic; None: the estimate is a trajectory.
+
+    :raises InputError: for an estimate that cannot be read, with the problem of the truth's path.
+    """
+    problems = Problems()
+    table = None
+    with problems.collect():
+        table = _table(estimate, topic)
+    if problems and isinstance(truth, str | Path):
+        with problems.collect():
+            has_truth(checked_path("truth", truth, BAG_OR_FILE))
+    problems.tell()
+    return table
+
+
+def _judge_pairs(estimate: object, true_track: States, errors: Evaluation) -> None:
+    """Refuse an estimate that equals its truth, whose errors would be zero.
+
+    Estimates that this package has computed need no such check.
+
+    :param estimate: argument of :func:`evaluate`.
+    :raises InputError: if both are the same.
+    """
+    if getattr(estimate, "role", "") == "estimate":
+        return
+    name = name_of(Path(estimate)) if isinstance(estimate, str | Path) else repr(estimate)
+    pairs = TruthPairs.of(f"estimate: {name}", errors.unaligned, true_track, errors.truth)
+    EVALUATE.judge(pair_findings(pairs), warn)
 
 
 def _check_exchanged(estimate: object, truth: object, estimate_topic: str | None) -> None:

@@ -183,30 +183,46 @@ def _diagonal(stated: Array | None, row: int, shape: tuple[int, int]) -> Array:
 def _numbers(
     path: Path, type_name: str, topic: str, excluded: tuple[str, ...]
 ) -> tuple[Times, dict[str, Array]]:
-    """Return stamps, and all numbers of messages by the names of their fields."""
+    """Return the stamps (n,) [ns] of a topic, and its numbers (n, ...) by the names of fields.
+
+    :param excluded: fields that are not needed.
+    """
     if type_name in TYPES:
-        names = tuple(
-            name for name, kind, _ in fields(type_name) if kind == "f8" and name not in excluded
-        )
-        blocks = list(decode_blocks(path, type_name, topic, names))
-        columns = {
-            name: np.concatenate([block.numbers[name] for block in blocks]) for name in names
-        }
-        return np.concatenate([block.t_ns for block in blocks]), columns
+        return _numbers_of_blocks(path, type_name, topic, excluded)
+    return _numbers_of_messages(path, type_name, topic)
+
+
+def _numbers_of_blocks(
+    path: Path, type_name: str, topic: str, excluded: tuple[str, ...]
+) -> tuple[Times, dict[str, Array]]:
+    """Return stamps and numbers, as :func:`_numbers`, of a type that is decoded in blocks."""
+    names = tuple(
+        name for name, kind, _ in fields(type_name) if kind == "f8" and name not in excluded
+    )
+    blocks = list(decode_blocks(path, type_name, topic, names))
+    columns = {name: np.concatenate([block.numbers[name] for block in blocks]) for name in names}
+    return np.concatenate([block.t_ns for block in blocks]), columns
+
+
+def _numbers_of_messages(path: Path, type_name: str, topic: str) -> tuple[Times, dict[str, Array]]:
+    """Return stamps and numbers, as :func:`_numbers`, of any type, message by message.
+
+    Types that are not decoded in blocks are those of slow sensors. A message without a stamp has
+    its record time. Fields that not all messages have in the same shape are left out.
+    """
     stamps: list[int] = []
     rows: dict[str, list[float | Array]] = {}
-    # Message by message: types that the package does not write itself are those of slow sensors.
     with open_bag(path) as bag:
         info = bag.topic(type_name, topic)
         decode = schemas.decoder([(info.type, info.schema)], bag.encoding)
         for group in bag.groups({info.name}):
             for block in group:
-                for payload, recorded in zip(as_list(block.payloads), block.t_ns, strict=True):
+                for payload, record_ns in zip(as_list(block.payloads), block.t_ns, strict=True):
                     with errors_naming(path, f" ({info.name})"):
                         message = decode(payload, info.type)
                         stamp = message.header.stamp if hasattr(message, "header") else None
-                        whole = stamp and stamp_ns(stamp.sec, stamp.nanosec)
-                    stamps.append(int(recorded) if whole is None else whole)
+                        t_ns = stamp and stamp_ns(stamp.sec, stamp.nanosec)
+                    stamps.append(int(record_ns) if t_ns is None else t_ns)
                     for name, value in _fields(message):
                         rows.setdefault(name, []).append(value)
     arrays = {

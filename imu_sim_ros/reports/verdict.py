@@ -57,57 +57,16 @@ def search_query(cell: str, estimator: str) -> str:
 def verdict_section(
     plan: Plan, judgements: Sequence[tuple[str, Judgement]], groups: Sequence[Group], campaign: str
 ) -> Section:
-    """Return the verdict.
+    """Return the verdict: requirements, failures, findings and comparisons of a campaign.
 
     :param judgements: judgements by the name of their metric; the first is shown first.
     :param campaign: identifier by which links find the runs.
     """
     main = judgements[0][1]
-    places = {(group.cell, group.estimator): group for group in groups}
-    varying = list_varying_names(groups)
-
-    def place(cell: str, estimator: str) -> str:
-        return short_label(places[cell, estimator].labels, varying)
-
-    missed = [outcome for outcome in main.requirements if not outcome.met]
-    reported = {outcome.requirement for outcome in missed}
-    requirements: Item = {
-        "count": len(plan.require),
-        "texts": len(reported),
-        "missed": [
-            {"requirement": outcome.requirement, "comment": outcome.comment}
-            | {
-                "place": place(outcome.cell, outcome.estimator),
-                "query": search_query(outcome.cell, outcome.estimator),
-            }
-            for outcome in missed
-        ],
-    }
-    failures = [
-        {
-            "reason": failure.reason,
-            "runs": failure.runs,
-            "place": place(failure.cell, failure.estimator),
-        }
-        | {"query": f"{search_query(failure.cell, failure.estimator)} status=failed"}
-        for failure in main.failures
-    ]
-    findings = [
-        {
-            "finding": finding.finding,
-            "runs": finding.runs,
-            "place": place(finding.cell, finding.estimator),
-        }
-        | {"query": search_query(finding.cell, finding.estimator)}
-        for finding in main.findings
-    ]
     item: Item = {
         "kind": "verdict",
         "campaign": campaign,
-        "requirements": requirements,
-        "problems": main.other_problems,
-        "failures": failures,
-        "findings": findings,
+        **_judgement_item(plan, main, groups),
         "judged": [
             _group_comparison(title, judged, factor, groups)
             for title, judged in judgements
@@ -116,16 +75,73 @@ def verdict_section(
             )
         ],
     }
-    summary = f"{main.runs:,} runs, {main.done:,} done, in {len(groups)} cells and estimators."
-    if any(contest.unranked for contest in main.headline):
+    text = _summary_text(main, len(groups))
+    return Section("Verdict", [item, {"kind": "text", "text": text, "faint": True}])
+
+
+def _judgement_item(plan: Plan, judgement: Judgement, groups: Sequence[Group]) -> Item:
+    """Return requirements, problems, failures and findings for the page.
+
+    Each about a group has the group's label, ``place``, and the search for its runs, ``query``.
+    """
+    group_by_key = {(group.cell, group.estimator): group for group in groups}
+    varying = list_varying_names(groups)
+
+    def link(cell: str, estimator: str, condition: str = "") -> Item:
+        """Return label and search of a group; ``condition`` is appended to the search."""
+        label = short_label(group_by_key[cell, estimator].labels, varying)
+        return {"place": label, "query": search_query(cell, estimator) + condition}
+
+    missed = [outcome for outcome in judgement.requirements if not outcome.met]
+    return {
+        "requirements": {
+            "count": len(plan.require),
+            "texts": len({outcome.requirement for outcome in missed}),
+            "missed": [
+                {
+                    "requirement": outcome.requirement,
+                    "comment": outcome.comment,
+                    **link(outcome.cell, outcome.estimator),
+                }
+                for outcome in missed
+            ],
+        },
+        "problems": judgement.other_problems,
+        "failures": [
+            {
+                "reason": failure.reason,
+                "runs": failure.runs,
+                **link(failure.cell, failure.estimator, " status=failed"),
+            }
+            for failure in judgement.failures
+        ],
+        "findings": [
+            {
+                "finding": finding.finding,
+                "runs": finding.runs,
+                **link(finding.cell, finding.estimator),
+            }
+            for finding in judgement.findings
+        ],
+    }
+
+
+def _summary_text(judgement: Judgement, group_count: int) -> str:
+    """Return the number of runs, and the statistics behind the comparisons, as text.
+
+    :param group_count: number of pairs of a cell and an estimator.
+    """
+    summary = (
+        f"{judgement.runs:,} runs, {judgement.done:,} done, in {group_count} cells and estimators."
+    )
+    if any(contest.unranked for contest in judgement.headline):
         summary += f" {WITHOUT_ERRORS}, the sensor without errors, is compared and not ranked."
-    text = (
+    return (
         f"{summary} Compared on the same seeds, over the time that both estimates cover; failed "
-        f"runs are worse than any number; differences up to {main.tolerance} do not matter; p "
+        f"runs are worse than any number; differences up to {judgement.tolerance} do not matter; p "
         "values (Wilcoxon, for shares McNemar) are corrected by Holm; intervals of all comparisons "
         "at once by Bonferroni."
     )
-    return Section("Verdict", [item, {"kind": "text", "text": text, "faint": True}])
 
 
 def _group_comparison(title: str, judged: Judgement, factor: str, groups: Sequence[Group]) -> Item:

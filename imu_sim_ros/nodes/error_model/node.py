@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import Final, TypeVar
 
@@ -56,6 +56,21 @@ _REMARKS_A_SECOND: Final = 5
 """Lines of remarks in a second, at most."""
 
 
+def _ideal_topics(sensors: Collection[str]) -> dict[str, tuple[str, str]]:
+    """Return quantity and type of the messages of each topic of another sensor's ideal values.
+
+    :param sensors: quantities whose readings are published.
+    """
+    return {
+        sensor.topics[0].name + conventions.IDEAL_SUFFIX: (
+            sensor.quantity,
+            sensor.topics[0].type,
+        )
+        for sensor in OTHERS.values()
+        if sensor.quantity in sensors
+    }
+
+
 class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     """Topics, services and parameters around an :class:`GivenImu`."""
 
@@ -65,40 +80,28 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self._lock = threading.Lock()
         """Readings are taken in the reader's thread; everything else runs in the executor's."""
         self._received: Counter[str] = Counter()
+        """Number of messages received, by topic."""
         self._refusals = Refusals(self.get_logger())
         self._unit_of: tuple[ErrorNodeParameters, int] | None = None
+        """Parameters and seed that ``_unit`` belongs to."""
         self._unit: Mapping[str, str] = {}
         """Parameters drawn from the seed."""
         self._remarks: list[str] = []
+        """Probable mistakes in the declaration of the input, for the diagnostics."""
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
+        """Times of the last remarks in the log, on the steady clock [s]."""
         sensors = {offer.name for offer in topics_to_publish(parameters).values()}
-        self._values = {  # what other sensors measure, and the type of its messages, by topic
-            sensor.topics[0].name + conventions.IDEAL_SUFFIX: (
-                sensor.quantity,
-                sensor.topics[0].type,
-            )
-            for sensor in OTHERS.values()
-            if sensor.quantity in sensors
-        }
+        self._values = _ideal_topics(sensors)
         self.model = GivenImu(parameters, sensors, self._remark)
-        oriented = self.model.uses_orientation
-        self._decoder = decode.ReadingDecoder(parameters, oriented)
+        self._decoder = decode.ReadingDecoder(parameters, self.model.uses_orientation)
         for line in self._decoder.notes():
             self.get_logger().info(line)
-        self._main = main = next(iter(self._inputs()))
-        self._stamps = StampWatch()
-        self._reading_strays = LiveStrays[LiveReading](self._remark_about(main))
-        self._state_strays = LiveStrays[LiveState](self._remark_about(main))
-        self._value_strays = {
-            name: LiveStrays[LiveValue](self._remark_about(name)) for name in self._values
-        }
+        self._main = next(iter(self._inputs()))
+        """Topic of the readings, or of odometry."""
+        self._create_stamp_checks()
         self._odometry = Differentiator(parameters) if parameters.odometry else None
-        compared = parameters.odometry and parameters.input.check
-        source = f"input ({self.resolve_topic_name(conventions.INPUT_ODOMETRY_TOPIC)})"
-        self._twist = TwistWatch(source, parameters.input.twist_frame) if compared else None
-        turned = sensor_rotation(parameters.input) is not None or parameters.input.place == "body"
-        has_frame = "imu_frame" in self.overrides or parameters.imu_frame != conventions.IMU_FRAME
-        self._takes_frame = not (parameters.odometry or turned or has_frame)
+        self._twist = self._twist_check()
+        self._takes_frame = self._has_frame_of_input()
         """True if the frame of the readings is still to be that of the input."""
         self.outputs = ErrorModelOutputs(self, parameters, self.lifetime.fail)
         self._faults = create(
@@ -109,6 +112,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         )
         self._description = sensor_description.create_publisher(self)
         self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        # All topics exist now: an override that names none of them is a mistake.
         check_overrides(self)
         sensor_description.publish(self._description, parameters)
         if parameters.inject.kind != "none":
@@ -120,12 +124,40 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self.create_timer(PERIOD, self._diagnose, clock=steady)
         self.get_logger().info(
             f"{parameters.imu.preset} at {parameters.rate:g} Hz, seed {parameters.seed}, "
-            f"on {self.resolve_topic_name(main)}"
+            f"on {self.resolve_topic_name(self._main)}"
         )
+        # Last: messages arrive in the reader's thread from here on.
         self.reader = RawSubscriptions(
-            self, self._take, self.lifetime.fail, _READ_PERIOD, main, self._release
+            self, self._take, self.lifetime.fail, _READ_PERIOD, self._main, self._release
         )
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
+
+    def _create_stamp_checks(self) -> None:
+        """Create the checks of the stamps of the readings, odometry and other sensors."""
+        self._stamps = StampWatch()
+        self._reading_strays = LiveStrays[LiveReading](self._remark_about(self._main))
+        self._state_strays = LiveStrays[LiveState](self._remark_about(self._main))
+        self._value_strays = {
+            name: LiveStrays[LiveValue](self._remark_about(name)) for name in self._values
+        }
+
+    def _twist_check(self) -> TwistWatch | None:
+        """Return the check of the axes of odometry's velocities; None: they are not checked."""
+        parameters = self.parameters
+        if not (parameters.odometry and parameters.input.check):
+            return None
+        topic = self.resolve_topic_name(conventions.INPUT_ODOMETRY_TOPIC)
+        return TwistWatch(f"input ({topic})", parameters.input.twist_frame)
+
+    def _has_frame_of_input(self) -> bool:
+        """Return True if the readings have the frame of the input's messages.
+
+        They have not if a frame is named, or if they are turned or moved from that of the input.
+        """
+        parameters = self.parameters
+        turned = sensor_rotation(parameters.input) is not None or parameters.input.place == "body"
+        has_frame = "imu_frame" in self.overrides or parameters.imu_frame != conventions.IMU_FRAME
+        return not (parameters.odometry or turned or has_frame)
 
     def _inputs(self) -> dict[str, type]:
         """Return the topics that the node reads, with their message classes."""

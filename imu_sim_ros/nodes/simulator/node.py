@@ -14,7 +14,7 @@ over the first sample without five more services at every start.
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -81,17 +81,26 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
     def __init__(self, **arguments: Any) -> None:
         super().__init__("simulator", SimulatorParameters, layer_files, **arguments)
         self._counters: list[Counter | RemoteCounter] = []
+        """Publishers of samples, which count their messages."""
         self._terminals: list[PseudoTerminal] = []
+        """Serial lines of sensors."""
         self._lateness = Histogram()
         self._drawn_of: SimulatorParameters | None = None
+        """Parameters that ``_drawn_values`` belongs to."""
         self._drawn_values: Mapping[str, str] = {}
+        """Errors drawn by the seeds, for the diagnostics."""
         self._stalls: list[Stall] = []
+        """Stalls since the last warning."""
         self._stalls_reported = -_STALL_PERIOD
+        """Time of the last warning of stalls, on the steady clock [s]."""
         self._remarks: list[str] = []
+        """Warnings about the parameters, logged at the end of the set-up."""
         self._notes: list[str] = []
+        """Choices of the set-up, logged at its end."""
         self._settling = Settling()
-        parameters = self.parameters
         self._follows = bool(self.get_parameter("use_sim_time").value)
+        """True if time comes from an external ``/clock``."""
+        parameters = self.parameters
         self._check_clocks(parameters)
         self._faults = create(
             self,
@@ -100,37 +109,30 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
         )
         self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        # Started first: these processes load while the rest is set up.
         self._apart = self._start_sensor_processes(parameters)
         outputs = [*self._outputs(parameters), *(self._apart.outputs if self._apart else ())]
-        self._body = body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
-        self._remarks += body.warnings(elsewhere=True)
-        self._notes += body.notes(elsewhere=True)
+        self._body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
+        self._remarks += self._body.warnings(elsewhere=True)
+        self._notes += self._body.notes(elsewhere=True)
         self._descriptions = self._describe(parameters)
-        streams = [BodyStream(body, outputs), *self._transform_streams(parameters, body.trajectory)]
-        streams += self._clock_streams(parameters.publish.clock_rate)
+        streams = [
+            BodyStream(self._body, outputs),
+            *self._transform_streams(parameters, self._body.trajectory),
+            *self._clock_streams(parameters.publish.clock_rate),
+        ]
         if parameters.publish.tf_static:
             self._publish_mounts(parameters)
+        # All topics exist now: an override that names none of them is a mistake.
         check_overrides(self, self._apart.topics if self._apart else ())
-        self.engine = Engine(
-            PublishQueue(streams, parameters.duration or body.trajectory.duration),
-            self._pacer(parameters),
-            parameters.block_duration,
-            ready=self._is_ready,
-            zero=self._zero,
-            acknowledged=self._wait_for_acknowledgement,
-            on_end=self.lifetime.finish,
-            fail=self.lifetime.fail,
-        )
+        self.engine = self._create_engine(parameters, streams)
         self._fresh = not parameters.autostart
+        """True until the run is started for the first time."""
         self.engine.pacer.pause(self._fresh)
         if parameters.inject.kind != "none":
             self._inject(parameters)
         self._create_services()
-        for line in dict.fromkeys(self._remarks):
-            self.get_logger().warning(line)
-        for line in self._notes:
-            self.get_logger().info(line)
-        self.get_logger().info(self._summary(parameters))
+        self._log_set_up(parameters)
         sys.setswitchinterval(_SWITCH_INTERVAL)
         self.engine.start()
 
@@ -184,6 +186,27 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
                 self._notes.append(f"{name}: serial line on {terminal.name}")
                 outputs.append((name, messages(serial), terminal.send))
         return outputs
+
+    def _create_engine(self, parameters: SimulatorParameters, streams: Sequence[Stream]) -> Engine:
+        """Return the engine that publishes streams in the order of time until the run ends."""
+        return Engine(
+            PublishQueue(streams, parameters.duration or self._body.trajectory.duration),
+            self._pacer(parameters),
+            parameters.block_duration,
+            ready=self._is_ready,
+            zero=self._zero,
+            acknowledged=self._wait_for_acknowledgement,
+            on_end=self.lifetime.finish,
+            fail=self.lifetime.fail,
+        )
+
+    def _log_set_up(self, parameters: SimulatorParameters) -> None:
+        """Log the warnings and notes of the set-up, and a summary of the simulation."""
+        for line in dict.fromkeys(self._remarks):
+            self.get_logger().warning(line)
+        for line in self._notes:
+            self.get_logger().info(line)
+        self.get_logger().info(self._summary(parameters))
 
     def _can_publish(self, topic: Topic) -> bool:
         """Return whether a topic's type is installed, if it need not be."""
