@@ -186,25 +186,38 @@ def _period(h: Array) -> float:
 
 
 _Step = tuple[Array, Array, Array]
-"""Acceleration (n, 3), F (n, 15, 15), G (n, 15, 12) of n steps."""
+"""Acceleration (n, 3) [m/s^2], in the frame of the interval's start, and derivatives of the error
+after a step of n steps: F (n, 15, 15) by the error before it, and G (n, 15, 12) by the noise of
+accelerometer and gyroscope at its start, then at its end."""
 
 
 def _euler(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
-    """Return a step with the reading at its start; G has no part for the reading at its end."""
+    """Return n steps of Euler's method, which uses the reading at the start of a step alone.
+
+    In G the columns for the noise of the reading at the end are zero.
+
+    :param h: (n, 1) lengths of the steps [s].
+    :param gamma: (n, 4) attitudes at the starts, in the frame of the interval's start.
+    :param rate: (n, 2, 3) rates at start and end of each step, without the bias [rad/s].
+    :param force: (n, 2, 3) specific forces at start and end, without the bias [m/s^2].
+    """
     r = rotation.to_matrix(gamma)
     turn = _turn("euler", h, rate)
     acceleration = (r @ force[:, 0, :, None])[..., 0]
     h3 = h[..., None]
-    tilt = -r @ rotation.skew(force[:, 0])
+    by_theta = -r @ rotation.skew(force[:, 0])
     f, g = _blank(len(h))
     _turn_rows(f, g, turn, h3, weights=(1.0, 0.0))
     zero = np.zeros_like(r)
-    _move_rows(f, g, h3, (tilt, -r, zero), (-r, zero, zero, zero))
+    _move_rows(f, g, h3, (by_theta, -r, zero), (-r, zero, zero, zero))
     return acceleration, f, g
 
 
 def _midpoint(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
-    """Return a step with the means of both ends' rates and accelerations, as VINS' program does."""
+    """Return n steps with the means of both ends' rates and accelerations, as VINS' program does.
+
+    Arguments as for :func:`_euler`.
+    """
     turn = _turn("midpoint", h, rate)
     r0 = rotation.to_matrix(gamma)
     r1 = r0 @ rotation.to_matrix(rotation.exp(turn))
@@ -281,8 +294,17 @@ class _Errors:
     def __init__(
         self, batch: int, noise: TriadsParameters | None, period: float, shared: bool
     ) -> None:
+        """Initialise at the start of the intervals, without errors.
+
+        :param batch: number B of intervals.
+        :param noise: the IMU's errors; None: only the Jacobian is computed.
+        :param period: sampling interval of the sensor [s].
+        :param shared: True if consecutive steps share the reading between them, with its noise.
+        """
         self.jacobian = np.tile(np.eye(SIZE), (batch, 1, 1))
+        """(B, 15, 15) derivatives of the errors at the end by those at the start."""
         self.covariance = np.zeros((batch, SIZE, SIZE))
+        """(B, 15, 15) covariance of the errors, without the slow ones."""
         self._has_noise = noise is not None
         if noise is None:
             return

@@ -66,15 +66,18 @@ class Shadow(NamedTuple):
     def of(cls, body: Surfaces) -> "Shadow":
         """Return the shadow of a body.
 
-        :param body: rectangles in the body's axes.
+        Its line is along the longer side of the box around the body, shorter than that by half the
+        shorter side at each end.
+
+        :param body: rectangles in the body's axes, whose floor is at z = 0.
         """
-        o, a, b = body[:3]
-        corners = np.concatenate([o, o + a, o + b, o + a + b])
+        origin, across, up = body.origin, body.across, body.up
+        corners = np.concatenate([origin, origin + across, origin + up, origin + across + up])
         low, high = corners.min(axis=0), corners.max(axis=0)
-        middle, half = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2]
-        along = (half - half.min()) * (half == half.max())
-        radius = float(half.min()) + _EDGE
-        return cls(ShadowLine(middle - along, middle + along, radius, _BELOW), float(high[2]))
+        middle, half_sides = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2]
+        to_end = (half_sides - half_sides.min()) * (half_sides == half_sides.max())
+        radius = float(half_sides.min()) + _EDGE
+        return cls(ShadowLine(middle - to_end, middle + to_end, radius, _BELOW), float(high[2]))
 
     def shadow_line(self, to_sun: Array, share: float) -> ShadowLine:
         """Return the shadow away from the sun.

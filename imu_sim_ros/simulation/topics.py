@@ -125,6 +125,7 @@ def _mounts(sensors: Mapping[str, Mounted[MountedParameters]], encoding: str) ->
     written = not poses_by_frame
 
     def payloads(samples: Samples, _: Rows, __: Any) -> RowTemplate:
+        """Return the message with the first block that has a sample, and none afterwards."""
         nonlocal written
         t_ns = samples.true_t_ns[: 0 if written else 1]
         written = written or len(t_ns) > 0

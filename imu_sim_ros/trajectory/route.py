@@ -46,12 +46,16 @@ class Route(NamedTuple):
 
 
 class _Row(NamedTuple):
-    """A point as a file writes it; latitude and longitude, or x and y."""
+    """A point of a file, its coordinates as the text that the file has."""
 
     number: int
+    """Number of its line, or of the point in a GPX or KML file."""
     first: str
+    """Latitude [deg], or x [m]."""
     second: str
+    """Longitude [deg], or y [m]."""
     height: str
+    """Height [m]; empty: none."""
     time: float
     """Time [s]; nan: none."""
 

@@ -47,10 +47,12 @@ _FINE: Final = 4
 
 
 class Visits(NamedTuple):
-    """Times at which each of w waypoints is reached and left [s]; the first time is 0."""
+    """Times at which each of w waypoints is reached and left; the first time is 0."""
 
     arrivals: Array
+    """(w,) times of arrival [s]."""
     departures: Array
+    """(w,) times of departure [s]."""
 
 
 class _Way(NamedTuple):

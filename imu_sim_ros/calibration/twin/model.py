@@ -138,7 +138,7 @@ class Errors(NamedTuple):
     def deviation(self) -> Array:
         """Return the parameters minus those of a perfect IMU (42,); 0 for the mounting."""
         deviation = np.zeros(COUNT)
-        deviation[0], deviation[1] = self.offset, self.skew
+        deviation[OFFSET], deviation[SKEW] = self.offset, self.skew
         deviation[RESPONSE] = (self.response - np.eye(6))[tuple(_ELEMENTS)]
         deviation[LEVER_ARM] = self.lever_arm
         deviation[BIAS] = self.bias

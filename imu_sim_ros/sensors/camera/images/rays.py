@@ -116,6 +116,9 @@ class Probes(NamedTuple):
 def corners_and_probes(rays: PixelRays, areas: bool = False) -> tuple[Corners, Probes]:
     """Return the corners and the probes of all cells.
 
+    The probes of a cell are the pixel at its middle, the one to the right, and the one below: the
+    differences between them are the steps of a texture from pixel to pixel.
+
     :param areas: True: cells reach to the edges of their pixels; False: to their centres.
     """
     height, width = rays.shape
