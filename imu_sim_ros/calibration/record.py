@@ -252,6 +252,7 @@ class Movement(NamedTuple):
     begin: float
     """Start after the first sample [s]."""
     end: float
+    """End after the first sample [s]."""
     size: float
     """Standard deviation of the means over a second, or the largest jump [rad/s, m/s^2]."""
 

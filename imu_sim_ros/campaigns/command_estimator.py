@@ -66,8 +66,11 @@ class ProgramEnd(NamedTuple):
     status: int | None
     """Exit status, negative for a signal; None: the program was killed for ``reason``."""
     reason: str
+    """Limit for which it was ended; empty: it ended by itself."""
     wall_s: float
+    """Time from its start to its end [s]."""
     peak_memory_mb: float
+    """Largest memory of its processes [MB]."""
 
 
 def run_command(

@@ -24,7 +24,9 @@ class CommonTime(NamedTuple):
     """Shares of the truth's time that A, B and both cover; medians over the seeds."""
 
     a: float
+    """Share that A covers, 0 to 1."""
     b: float
+    """Share that B covers, 0 to 1."""
     both: float | None
     """Share that both cover; None: unknown, A and B are compared over different time."""
 

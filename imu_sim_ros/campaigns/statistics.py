@@ -45,11 +45,14 @@ _MIN_PAIRS: Final = 6
 
 
 class ConfidenceInterval(NamedTuple):
-    """A value with its 95 % confidence interval; None: the end does not exist."""
+    """A value with its 95 % confidence interval, in the unit of the value."""
 
     value: float | None
+    """Estimate; None: there is none."""
     low: float | None
+    """Lower end; None: it does not exist."""
     high: float | None
+    """Upper end; None: it does not exist."""
 
 
 def success(done: int, runs: int) -> ConfidenceInterval:

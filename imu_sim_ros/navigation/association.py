@@ -106,9 +106,10 @@ ALIGNMENTS: Final = ("none", "yaw", "se3", "sim3")
 
 
 class Alignment(NamedTuple):
-    """``p_truth ~ scale R p_estimate + t``."""
+    """Similarity from an estimate to its truth: ``p_truth ~ scale R p_estimate + t``."""
 
     scale: float
+    """Factor of lengths; 1 for a rigid alignment."""
     r: Array
     """(3, 3) rotation."""
     t: Array

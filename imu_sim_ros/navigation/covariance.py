@@ -115,6 +115,7 @@ class _WhiteNoise:
     """White noise, rounding and walks of the biases: additions of a step to the covariance."""
 
     def __init__(self, noise: TriadsParameters) -> None:
+        """Initialise with the IMU's errors."""
         triads = (noise.gyroscope, noise.accelerometer)
         self.gyro = noise.gyroscope.white_terms()
         self._linear, self._squared = np.zeros(SIZE), np.zeros(SIZE)
@@ -132,7 +133,9 @@ class _WhiteNoise:
             else:
                 self._turned.append((terms, rows.start))
         self._h, self._on_diagonal = 0.0, np.zeros(SIZE)
+        """Length of the latest step [s], and its additions (15,) to the diagonal."""
         self._variances = [np.zeros(3) for _ in self._turned]
+        """Variances (3,) of a reading by the noise of each triad with unequal axes."""
 
     def add_to(self, p: Array, diagonal: Array, h: float, by_bias: Array) -> None:
         """Add the noise of a reading of length h [s] to a covariance.

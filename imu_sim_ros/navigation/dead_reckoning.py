@@ -170,6 +170,12 @@ class _States:
         gravity: Sequence[float],
         earth_rate: Sequence[float],
     ) -> None:
+        """Reserve n rows, of which the first is the initial state.
+
+        :param t_ns: (n,) stamps of the states [ns].
+        :param gravity: (3,) gravity in the world [m/s^2].
+        :param earth_rate: (3,) rate of the world, in the world [rad/s].
+        """
         n = len(t_ns)
         self._t_ns = t_ns
         self._position, self._velocity = np.empty((n, 3)), np.empty((n, 3))
@@ -178,6 +184,7 @@ class _States:
         self._q[0] = rotation.normalise(initial.q_wb)
         self._world = increments.world_vectors(gravity, earth_rate)
         self._row = 0
+        """Number of the last row that is filled."""
 
     @property
     def attitude(self) -> Array:

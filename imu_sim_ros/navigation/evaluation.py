@@ -95,7 +95,9 @@ class Band(NamedTuple):
     """The range of a chi-square mean with a given probability."""
 
     low: float
+    """Lower end."""
     high: float
+    """Upper end."""
 
 
 _ROUNDING: Final = 1e-6
@@ -372,14 +374,20 @@ DELTA_UNITS: Final = ("s", "m", "frames")
 
 
 class Statistics(NamedTuple):
-    """Statistics of n errors, each a length or an angle."""
+    """Statistics of n errors, each a length [m] or an angle [rad]."""
 
     rmse: float
+    """Root mean square."""
     mean: float
+    """Mean."""
     median: float
+    """Median."""
     std: float
+    """Standard deviation around the mean."""
     min: float
+    """Smallest error."""
     max: float
+    """Largest error."""
 
 
 def statistics(errors: Array) -> Statistics:

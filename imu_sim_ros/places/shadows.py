@@ -102,13 +102,12 @@ class Sunlight:
 
     def share(self, place: Array) -> float:
         """Return the share of the sun in the light at a place (3,) of the ground: 0 in a shadow."""
-        o, a, b = self._where[:3]
-        offset = o - (place + 0.05 * self.to_sun)
+        offset = self._where.origin - (place + 0.05 * self.to_sun)
         along = (self._normals * self.to_sun).sum(axis=1)
         t = (self._normals * offset).sum(axis=1) / np.where(along == 0.0, 1e-12, along)
         offset_on_ray = t[:, None] * self.to_sun - offset
         blocked = t > 0.0
-        for side in (a, b):
+        for side in (self._where.across, self._where.up):
             s = (offset_on_ray * side).sum(axis=1) / (side * side).sum(axis=1)
             blocked &= (s >= 0.0) & (s <= 1.0)
         return 0.0 if blocked.any() else self._share

@@ -17,13 +17,18 @@ INK: Final = (38, 38, 42)
 
 
 class Print(NamedTuple):
-    """A picture on a surface; left and bottom count from the surface's lower left corner [m]."""
+    """A picture on a surface."""
 
     kind: str
+    """Name of the picture in the catalogue of prints."""
     left: float
+    """Distance of its left edge from that of the surface [m]."""
     bottom: float
+    """Distance of its lower edge from that of the surface [m]."""
     width: float
+    """Width [m]."""
     height: float
+    """Height [m]."""
     number: int = 0
     """Number of the picture; another number gives another picture of its kind."""
     glows: bool = False

@@ -84,9 +84,13 @@ class _Window:
 
     fault: Fault
     first: int
+    """Index of the first sample of the fault."""
     end: float
+    """Index of the first sample after it; infinite for a fault that never ends."""
     stream: Generator
+    """Random numbers of the fault."""
     held: Array | None = None
+    """(3,) reading that a stuck sensor repeats; None before its first sample."""
 
     def rows(self, first: int, count: int) -> slice:
         """Return the rows of a block of samples that lie in the window."""
@@ -101,6 +105,7 @@ class FaultSchedule:
 
     seed: int
     dt: float
+    """Interval of the samples [s]."""
     prefix: str = ""
     """Prefix of the random streams' names; another for each sensor."""
     windows: list[_Window] = field(default_factory=list)

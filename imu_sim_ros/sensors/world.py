@@ -27,7 +27,9 @@ class Window(NamedTuple):
     """An interval of time ``[begin, end)`` since the start of a run, in exact numbers [s]."""
 
     begin: Fraction
+    """Start, which is part of the interval [s]."""
     end: Fraction
+    """End, which is not part of it [s]."""
 
 
 class TemperatureProfile:
@@ -40,20 +42,27 @@ class TemperatureProfile:
     """
 
     def __init__(self, parameters: TemperatureParameters) -> None:
+        """Initialise with the ambient temperature and the lag of the sensor.
+
+        A profile that begins after 0 s is preceded by the constant ``value``.
+        """
         times = list(parameters.profile[::2])
         values = list(parameters.profile[1::2])
         if not times or times[0] > 0.0:
             times.insert(0, 0.0)
             values.insert(0, parameters.value)
         self._times = np.array(times)
+        """(k,) starts t_j of the pieces [s]."""
         self._ambient = np.array(values)
+        """(k,) ambient temperatures A at these times [degC]."""
         self._slope = np.zeros(len(times))
+        """(k,) slopes B [K/s]."""
         if parameters.interpolation == "linear":
             self._slope[:-1] = np.diff(self._ambient) / np.diff(self._times)
         self._tau = parameters.time_constant
         self._excess = np.zeros(len(times))
         """The decaying part at the start of each piece: ``T_j - A + B tau``."""
-        sensor = self._ambient[0]
+        sensor = self._ambient[0]  # T_j, the sensor's temperature at the start of piece j
         for j, (ambient, slope) in enumerate(zip(self._ambient, self._slope, strict=True)):
             self._excess[j] = sensor - ambient + slope * self._tau
             if j + 1 < len(times) and self._tau:

@@ -142,6 +142,10 @@ class PlaneProfile:
     """The ground of a plane through the world's origin."""
 
     def __init__(self, slope: tuple[float, ...], path: Path) -> None:
+        """Initialise with splines of height and slopes along each part of a path.
+
+        :param slope: rise of the plane along x and along y [m/m].
+        """
         rises = np.array(slope)
         self._joints = path.waypoint_u[path.turns]
         self._splines = [

@@ -80,13 +80,16 @@ class FreeFall(_Endless):
 
 
 class _Wave(NamedTuple):
-    """``sine sin(w t) + cosine cos(w t)``."""
+    """A term ``sine sin(w t) + cosine cos(w t)`` of a coordinate."""
 
     number: int
     """Index of the angular frequency w."""
     w: float
+    """Angular frequency [rad/s]."""
     sine: float
+    """Amplitude of the sine, in the unit of the coordinate."""
     cosine: float
+    """Amplitude of the cosine, in the unit of the coordinate."""
 
 
 def _trim_leading_zeros(coefficients: list[float]) -> list[float]:

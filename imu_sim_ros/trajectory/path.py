@@ -91,8 +91,8 @@ class Bends(NamedTuple):
 class Path:
     """A path by its parameter u, the way along the polygon of its waypoints [m].
 
-    ``at`` (n,) are the waypoints' u, ``turns`` the numbers of those at which a new spline begins,
-    in the opposite direction.
+    ``waypoint_u`` (w,) are the u of the waypoints, ``turns`` the numbers of those at which a new
+    spline begins, in the opposite direction.
     """
 
     def __init__(
@@ -102,6 +102,13 @@ class Path:
         turns: Sequence[int] = (),
         starts_backward: bool = False,
     ) -> None:
+        """Initialise with the splines between turns.
+
+        :param splines: x and y of each part of the path by u [m].
+        :param waypoint_u: (w,) u of the waypoints [m].
+        :param turns: numbers of the waypoints at which the vehicle reverses.
+        :param starts_backward: True if the first part is driven backwards.
+        """
         self.splines, self.waypoint_u, self.turns = splines, waypoint_u, list(turns)
         self.length, self._turns_at = float(waypoint_u[-1]), waypoint_u[self.turns]
         self._first_direction = -1.0 if starts_backward else 1.0

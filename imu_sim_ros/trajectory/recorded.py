@@ -41,28 +41,42 @@ def _highest_frequency(cutoff: float, knot_spacing: float) -> float:
 
 
 class FitReport(NamedTuple):
-    """Quality of a spline's fit to its poses; distances [m], angles [rad], times [s]."""
+    """Quality of a spline's fit to its poses; times are from the first pose on."""
 
     poses: int
+    """Number of poses that were used."""
     repeated: int
-    """Poses that occurred twice in the file and were used once."""
+    """Number of poses that occurred twice in the file and were used once."""
     duration: float
+    """Time from the first pose to the last one [s]."""
     rms_position: float
+    """RMS distance of the spline from the poses [m]."""
     max_position: float
+    """Largest distance of the spline from a pose [m]."""
     max_position_at: float
-    """After the first pose."""
+    """Time of the largest distance [s]."""
     rms_angle: float
+    """RMS angle between the spline's attitudes and those of the poses [rad]."""
     max_angle: float
+    """Largest such angle [rad]."""
     largest_gap: float
+    """Longest time between two poses [s]."""
     largest_gap_at: float
-    """Start of the gap, after the first pose."""
+    """Time of the start of this gap [s]."""
     peak_speed: float
+    """Largest speed of the spline [m/s]."""
     peak_acceleration: float
+    """Largest acceleration of the spline [m/s^2]."""
     peak_acceleration_at: float
+    """Time of the largest acceleration [s]."""
     peak_rate: float
+    """Largest angular rate of the spline [rad/s]."""
     peak_rate_at: float
+    """Time of the largest angular rate [s]."""
     knot_spacing: float
+    """Time between two knots [s]."""
     cutoff: float
+    """Frequency above which the poses are smoothed [Hz]."""
 
     @property
     def highest_frequency(self) -> float:

@@ -29,9 +29,11 @@ class _Lines(NamedTuple):
     """The lines of one axis, in columns (lines, 1)."""
 
     amplitude: Array
+    """Amplitude in the unit of the sum."""
     w: Array
     """Angular frequency [rad/s]."""
     phase: Array
+    """Phase at time 0 [rad]."""
 
 
 class Sinusoids:

@@ -113,9 +113,19 @@ def _algebraic(y: Array) -> tuple[Array | None, Array]:
 
 
 class _Step:
-    """One Gauss-Newton step; T is the inverse of S, and F is 1."""
+    """One Gauss-Newton step of the fit of ``|T (y - b)| = 1`` to readings y.
+
+    T is the inverse of the soft iron S, and b the bias; the strength of the field is 1.
+    """
 
     def __init__(self, y: Array, inverse: Array, bias: Array, variance: float) -> None:
+        """Compute the step, and the residuals before it.
+
+        :param y: (n, 3) readings over the strength of the field.
+        :param inverse: (3, 3) T before the step, symmetric.
+        :param bias: (3,) b before the step.
+        :param variance: variance of a reading.
+        """
         centred = y - bias
         force = centred @ inverse.T
         norms = np.linalg.norm(force, axis=1)

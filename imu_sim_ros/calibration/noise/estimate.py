@@ -98,14 +98,15 @@ _IMPROBABLE: Final = 1e-9
 
 
 class Estimate(NamedTuple):
-    """One parameter of one axis; ``value`` is None if the data do not show it.
-
-    ``low`` is 0 if zero cannot be excluded, or if another term can stand for this one.
-    """
+    """One parameter of one axis, in its unit."""
 
     value: float | None
+    """Estimate; None if the data do not show the parameter."""
     low: float
+    """Lower end of the 95 % interval; 0 if zero cannot be excluded, or if another term can stand
+    for this one."""
     high: float
+    """Upper end of the 95 % interval."""
 
     def covers(self, truth: float) -> bool:
         """Return whether the 95 % interval holds a value."""

@@ -311,11 +311,14 @@ def merge_averages(data: Data, design: Array, count: int) -> tuple[Data, Array]:
 
 
 class Interval(NamedTuple):
-    """A coefficient with its 95 % interval; ``low`` is 0 if zero cannot be excluded."""
+    """A coefficient with its 95 % interval."""
 
     value: float
+    """Estimate."""
     low: float
+    """Lower end; 0 if zero cannot be excluded."""
     high: float
+    """Upper end."""
 
 
 def intervals(data: Data, design: Array, *, trend: bool) -> tuple[list[Interval], Interval | None]:

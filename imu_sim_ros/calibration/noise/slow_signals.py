@@ -100,6 +100,7 @@ class Line(NamedTuple):
     frequency: float
     """Frequency [cycles per value]."""
     amplitude: float
+    """Amplitude, in the unit of the values."""
 
 
 class LevelShift(NamedTuple):
@@ -109,6 +110,7 @@ class LevelShift(NamedTuple):
     position: float
     """Number of values before the shift."""
     size: float
+    """Mean after the shift minus that before it, in the unit of the values."""
 
 
 class Transient(NamedTuple):
@@ -118,6 +120,7 @@ class Transient(NamedTuple):
     time_constant: float
     """Time constant [values]."""
     size: float
+    """Deviation at the start, in the unit of the values."""
 
 
 Signal = Line | LevelShift | Transient
@@ -127,6 +130,7 @@ class Cleaned(NamedTuple):
     """Values (n,) without some signals."""
 
     values: Array
+    """(n,) values without the signals."""
     inflation: Array
     """(m,) factors of the cosine transform's coefficients from the second on, which restore the
     variance that the fit of shifts and transients removed."""
@@ -189,6 +193,7 @@ class _Component(NamedTuple):
 
     kind: "_Kind"
     parameter: float
+    """Periods of a line, position of a shift, or logarithm of a transient's time constant."""
     sizes: Array
     """(c,) factors of the kind's columns."""
 

@@ -138,6 +138,7 @@ class _Averages:
     """
 
     def __init__(self, axes: int) -> None:
+        """Initialise without averages, with a temporary file that ends with this object."""
         self._axes = axes
         self._sizes: list[int] = []
         """Number of averages of each block in the file."""
@@ -182,6 +183,7 @@ class SpectrumAccumulator:
     """Accumulator of a record in blocks, in pieces that are treated as independent."""
 
     def __init__(self, rate: float, axes: int) -> None:
+        """Initialise for a record of some axes at a rate [Hz]."""
         from scipy.fft import dct  # imported only when a record is analysed
 
         self._dct = partial(dct, norm="ortho", axis=1, overwrite_x=True)
@@ -189,6 +191,7 @@ class SpectrumAccumulator:
         self._axes = axes
         count = int(np.ceil(np.log(0.5 / _SPLIT) / _WIDTH))
         self._edges = _SPLIT * (0.5 / _SPLIT) ** (np.arange(count + 1) / count)
+        """(count + 1,) edges of the log-spaced bins of high frequencies [cycles per sample]."""
         columns = len(self._sums_of_squares(np.zeros((axes, 1)), np.zeros(1, dtype=np.int64)))
         self._sums = np.zeros((count, columns))
         self._freedom = np.zeros(count)

@@ -147,6 +147,13 @@ class _Sums:
     """
 
     def __init__(self, segments: list[slice], rate: float, highest: float, parameters: int) -> None:
+        """Initialise without sums.
+
+        :param segments: rows of the segments, each transformed by itself.
+        :param rate: samples per second [Hz].
+        :param highest: frequency up to which coefficients are used [Hz].
+        :param parameters: number of the parameters that are fitted.
+        """
         self.segments, self._parameters = segments, parameters
         self.smoothing = _SMOOTHED / (2.0 * np.pi * highest) ** 2
         """Largest smoothing of the truth that the spline through the poses may have [s^2]."""
@@ -155,6 +162,7 @@ class _Sums:
         while edges[-1] < longest:
             edges.append(edges[-1] + max(_BIN, round(_WIDTH * edges[-1])))
         upper = np.array(edges[1:]) * rate / (2 * longest)
+        # Middles of the bins [Hz]; bin 0 is the mean.
         self.middle = np.concatenate([[0.0], 0.5 * (upper + np.append(0.0, upper[:-1]))])
         self._bins: list[Integers] = []
         for s in segments:

@@ -192,8 +192,9 @@ class White(NamedTuple):
     density: Array
     """(6,) densities of gyroscope [rad/s/sqrt(Hz)] and accelerometer [m/s^2/sqrt(Hz)]."""
     low: Array
-    """(6,) ends of the 95 % intervals; 0 if vibration hides the floor, which is at most high."""
+    """(6,) lower ends of the 95 % intervals; 0 if vibration hides the floor."""
     high: Array
+    """(6,) upper ends of the 95 % intervals."""
     floor: Mask
     """(m, 6) True for bands in which there is nothing but the floor."""
 

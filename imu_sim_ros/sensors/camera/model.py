@@ -251,6 +251,7 @@ class CameraModel:
     """One camera's projection; all arrays have the points first."""
 
     def __init__(self, parameters: CameraModelParameters) -> None:
+        """Initialise with intrinsics [px], model and distortion."""
         self.parameters = parameters
         self.width, self.height = parameters.width, parameters.height
         self.fx, self.fy, self.cx, self.cy = parameters.intrinsics

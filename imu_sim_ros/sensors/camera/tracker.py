@@ -69,18 +69,23 @@ class TrackedLines(NamedTuple):
 
 
 class _Observed(NamedTuple):
-    """Landmarks that are visible."""
+    """Observations of n visible landmarks."""
 
     frame: Rows
+    """(n,) row of the frame."""
     landmark: Rows
+    """(n,) number of the landmark."""
     uv: Array
+    """(n, 2) exact pixels."""
     depth: Array
+    """(n,) distance along the optical axis [m]."""
 
 
 class Tracker:
     """The tracks of one camera in one scene."""
 
     def __init__(self, view: View, scene: Scene, trajectory: Trajectory) -> None:
+        """Initialise the tracks of a camera; priorities and ages are drawn from its seed."""
         self.view, self.scene, self.trajectory = view, scene, trajectory
         crowd = scene.crowd
         self._bodies = crowd.bodies if crowd else ()

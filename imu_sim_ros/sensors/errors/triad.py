@@ -97,7 +97,9 @@ class _Group:
     """Axes with the same cut-off, filtered together."""
 
     axes: NDArray[np.intp]
+    """Indices of the axes."""
     sections: Array
+    """Second-order sections of the filter, as of scipy.signal."""
     settled: Array
     """(sections, 2) state of one axis whose input has always been 1."""
     state: Array | None = None
@@ -258,15 +260,25 @@ class IncrementRounding(TriadEffect):
 
 
 class Reading(NamedTuple):
-    """Readings of a triad and their errors in the order of conventions.ERRORS, all (n, ..., 3)."""
+    """Readings of a triad and their errors in the order of conventions.ERRORS, all (n, ..., 3).
+
+    All but the scale are in the unit of the triad.
+    """
 
     reading: Array
+    """Digital output."""
     bias: Array
+    """Sum of all biases."""
     scale: Array
+    """Factors by which the response is multiplied."""
     noise: Array
+    """White noise."""
     response_error: Array
+    """Response to the ideal reading, with the scale, minus the ideal reading."""
     low_pass: Array
+    """Change of the reading by the low-pass."""
     vibration: Array
+    """Vibration that is added to the filtered reading."""
 
 
 NumberAdditions: TypeAlias = tuple[

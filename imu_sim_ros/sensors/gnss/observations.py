@@ -110,6 +110,7 @@ class Antenna(NamedTuple):
     latitude: Array
     """(n,) latitude [rad]."""
     longitude: Array
+    """(n,) longitude [rad]."""
     height: Array
     """(n,) height above the ellipsoid [m]."""
     axes: Array

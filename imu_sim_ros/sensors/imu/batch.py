@@ -45,16 +45,25 @@ class BatchSamples(NamedTuple):
     temperature: Array
     """(count,) temperature of the units [degC]."""
     gyro_bias: Array
-    """(count, 3) true errors, as those of :class:`~imu_sim_ros.sensors.samples.Samples`."""
+    """(count, 3) sums of all biases [rad/s]."""
     accel_bias: Array
+    """(count, 3) sums of all biases [m/s^2]."""
     gyro_scale: Array
+    """(count, 3) factors by which the response is multiplied."""
     accel_scale: Array
+    """(count, 3) factors by which the response is multiplied."""
     gyro_noise: Array
+    """(count, 3) white noise [rad/s]."""
     accel_noise: Array
+    """(count, 3) white noise [m/s^2]."""
     gyro_response_error: Array
+    """(count, 3) responses minus ideal rates [rad/s]."""
     accel_response_error: Array
+    """(count, 3) responses minus ideal specific forces [m/s^2]."""
     gyro_low_pass: Array
+    """(count, 3) changes by the low-pass [rad/s]."""
     accel_low_pass: Array
+    """(count, 3) changes by the low-pass [m/s^2]."""
     held: Mask
     """(count,) True for units whose ideal reading was impossible: they kept the previous one."""
 

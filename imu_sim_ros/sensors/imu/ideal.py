@@ -95,6 +95,7 @@ class IdealImu:
     """An IMU without errors at its mounting position on the body."""
 
     def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
+        """Initialise with the IMU's mount and elements, and with gravity and the Earth's rate."""
         self._curved_earth = CurvedEarth(environment) if environment.curved_earth else None
         self._gravity_w = gravity_vector(environment)
         self._earth_rate_w = earth_rate_vector(environment)

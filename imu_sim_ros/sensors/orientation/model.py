@@ -80,6 +80,10 @@ class FilteredOrientation:
     def __init__(
         self, imu: ImuParameters, environment: EnvironmentParameters, field: Magnetometer
     ) -> None:
+        """Initialise the filter at its start.
+
+        :param field: magnetometer whose readings give the heading.
+        """
         p = imu.orientation
         self._field = field
         self._filter = OrientationFilter(

@@ -269,15 +269,19 @@ class _Fronts(NamedTuple):
     @classmethod
     def of(cls, surfaces: Surfaces) -> "_Fronts":
         """Return surfaces with their normals and corners."""
-        o, a, b = surfaces[:3]
-        corners = np.stack([o, o + a, o + b, o + a + b], axis=1)
+        origin, across, up = surfaces.origin, surfaces.across, surfaces.up
+        corners = np.stack([origin, origin + across, origin + up, origin + across + up], axis=1)
         return cls(surfaces, surfaces.normal, corners, np.array(surfaces.texture) == "plane")
 
     def some(self, numbers: Integers) -> tuple[Surfaces, Array]:
         """Return the rectangles of some numbers, and their normals."""
-        o, a, b, hides, _ = self.surfaces
+        surfaces = self.surfaces
         some = Surfaces(
-            origin=o[numbers], across=a[numbers], up=b[numbers], hides=hides[numbers], texture=()
+            origin=surfaces.origin[numbers],
+            across=surfaces.across[numbers],
+            up=surfaces.up[numbers],
+            hides=surfaces.hides[numbers],
+            texture=(),
         )
         return some, self.normals[numbers]
 
