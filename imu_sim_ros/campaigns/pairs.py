@@ -67,7 +67,8 @@ def pair_values(a: Group, b: Group, metric: str) -> PairedValues:
     """Return the values of a metric of two groups that are compared.
 
     Two estimators in one cell have their values over the time that both cover, if their runs were
-    made together.
+    made together. Of other pairs only the shares of time are known: they are comparable if the
+    shares are alike.
     """
     values_a, values_b = values_of(a, metric), values_of(b, metric)
     if not grows_with_time(metric):

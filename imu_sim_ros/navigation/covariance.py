@@ -274,9 +274,9 @@ class Covariance:
         return self._diagonal.tolist()
 
     def _begin_interval(self, start: Array) -> None:
-        """Start to collect the terms of second order.
+        """Start the next interval of the second order.
 
-        :param start: :meth:`_attitude_and_rates` of now.
+        :param start: covariance at its start, as of :meth:`_attitude_and_rates`.
         """
         self._start = start
         self._length = 0.0
@@ -341,7 +341,11 @@ class Covariance:
         return self._white.gyro.variance(rate_hz)
 
     def _update_second_order(self) -> None:
-        """Set the part of a step's transition that is quadratic in its length."""
+        """Propagate the second order over the steps since its latest update.
+
+        Only sums over these steps are needed: how the attitude depends on the rate's errors, and
+        the mean specific force, which the transition contains as the turn of the gained velocity.
+        """
         slow, length, by_rates = self.slow, self._length, self._by_rates
         if length != self._factors[0]:
             remaining = np.concatenate([np.ones(3), slow.decay(length).take(slow.of_rate)])
@@ -350,7 +354,7 @@ class Covariance:
         by_rates[:, :3] = self._passed[ATTITUDE, GYRO_BIAS]
         by_slow = self._passed[ATTITUDE, SIZE:].take(slow.of_rate, axis=1)
         np.multiply(by_slow, acting, by_rates[:, 3:])
-        # The velocity's entries of a tilt are 0 z -y, -z 0 x, y -x 0.
+        # The velocity's derivatives by a tilt are ((0, z, -y), (-z, 0, x), (y, -x, 0)).
         tilt = self._passed[VELOCITY, ATTITUDE]
         x, y, z = tilt.item(1, 2) / length, tilt.item(2, 0) / length, tilt.item(0, 1) / length
         end = self._attitude_and_rates()

@@ -131,10 +131,12 @@ def _body_state(
     arm_i: components.Vector[Component],
     q_ib: Quaternion[Component],
 ) -> State[Component]:
-    """Return the body's state of the IMU's.
+    """Return the state of the body from the state of the IMU.
 
-    :param rate_i: relative to the world, in the IMU's axes [rad/s].
-    :param arm_i: the lever arm in the IMU's axes [m].
+    :param imu: position [m] and velocity [m/s] of the IMU in the world, and ``q_wi``.
+    :param rate_i: angular rate relative to the world, in the IMU's axes [rad/s].
+    :param arm_i: the lever arm, from the body's origin to the IMU, in the IMU's axes [m].
+    :param q_ib: attitude of the body in the IMU's axes.
     """
     (px, py, pz), (vx, vy, vz), q_wi = imu
     x, y, z = components.rotate(q_wi, arm_i)

@@ -82,11 +82,11 @@ class Preintegration(NamedTuple):
     duration: Array
     """(B,) [s]"""
     alpha: Array
-    """(B, 3) [m]"""
+    """(B, 3) changes of position [m]."""
     beta: Array
-    """(B, 3) [m/s]"""
+    """(B, 3) changes of velocity [m/s]."""
     gamma: Array
-    """(B, 4) unit quaternions"""
+    """(B, 4) attitudes of the ends in the frames of the starts, unit quaternions."""
     jacobian: Array
     """(B, 15, 15) derivative of the error at the end by that at the start, the product of F."""
     covariance: Array
@@ -379,11 +379,11 @@ class Deltas(NamedTuple):
     """Preintegrated quantities at other biases than they were integrated with."""
 
     alpha: Array
-    """(B, 3) [m]"""
+    """(B, 3) changes of position [m]."""
     beta: Array
-    """(B, 3) [m/s]"""
+    """(B, 3) changes of velocity [m/s]."""
     gamma: Array
-    """(B, 4) unit quaternions"""
+    """(B, 4) attitudes of the ends in the frames of the starts, unit quaternions."""
 
 
 def correct_deltas(pre: Preintegration, gyro_bias: ArrayLike, accel_bias: ArrayLike) -> Deltas:

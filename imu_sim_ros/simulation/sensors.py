@@ -31,9 +31,9 @@ from imu_sim_ros.simulation.parameters import (
 def mount_sensors(parameters: SampledParameters) -> dict[str, Mounted[MountedParameters]]:
     """Return all sensors of a body by name; a sensor that another one needs comes before it.
 
-    What they measure is their name, behind that of the IMU if there are several: ``imu``,
-    ``magnetic_field``, ``pose``, ``gnss``, ``left/imu``, ``left/pressure``. An IMU on a segment has
-    the pose of the segment with it: ``left/pose``.
+    The name of a sensor is the quantity that it measures, after the name of its IMU if there are
+    several: ``imu``, ``magnetic_field``, ``pose``, ``gnss``, ``left/imu``, ``left/pressure``. An
+    IMU on a segment has the pose of the segment with it: ``left/pose``.
     """
     sensors: dict[str, Mounted[MountedParameters]] = {}
     on_segments = segments(parameters)

@@ -257,6 +257,7 @@ def _fit_times(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> U
     :param prefix: start of the names of its parameters, for messages.
     :raises ConfigurationError: for a waypoint that cannot be reached in time.
     """
+    # Smoothing spreads a rest's control points: motion is scheduled a margin away from each rest.
     end = float(visits.arrivals[-1])
     _check_steps(end * 2.0 * _KERNEL / p.smoothing_time, np.diff(visits.arrivals))
     way = _way(path, p)

@@ -246,7 +246,11 @@ class Triads:
         self._in_phase = bool((within == within[0]).all())
 
     def next(self) -> Next:
-        """Return errors and environment of the next sample of each unit."""
+        """Return errors and environment of the next sample of each unit.
+
+        The errors of a unit are drawn for ``AHEAD`` samples at once, at every such multiple of its
+        own index: units that restarted at different times are due at different samples.
+        """
         rows: int | tuple[Integers, Integers]
         due: range | Integers
         if self._in_phase:
@@ -258,8 +262,8 @@ class Triads:
             due = np.flatnonzero(within == 0)
         for begin in range(0, len(due), _AT_ONCE):
             units = due[begin : begin + _AT_ONCE]
-            together = units[-1] - units[0] + 1 == len(units)  # a slice needs no copies
-            self._make_ahead(slice(units[0], units[-1] + 1) if together else units)
+            is_contiguous = units[-1] - units[0] + 1 == len(units)  # a slice needs no copies
+            self._make_ahead(slice(units[0], units[-1] + 1) if is_contiguous else units)
         self._index += 1
         additions = {
             name: Additions(
