@@ -80,7 +80,7 @@ class Preintegration(NamedTuple):
     """The result of B intervals, and how it depends on the biases."""
 
     duration: Array
-    """(B,) [s]"""
+    """(B,) lengths of the intervals [s]."""
     alpha: Array
     """(B, 3) changes of position [m]."""
     beta: Array

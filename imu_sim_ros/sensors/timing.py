@@ -40,10 +40,12 @@ class SampleTimes:
     """Times of a sensor's samples: sample k is taken at ``offset + k / rate`` after the start."""
 
     def __init__(self, rate: float, t0_ns: int, offset: float = 0.0, span: float = 0.0) -> None:
-        """Initialise with exact numbers.
+        """Initialise with exact numbers: sample k begins at ``offset + k / rate`` after the start.
 
+        :param rate: samples per second [Hz].
         :param t0_ns: true time of the start [ns].
-        :param span: how long a sample takes [s].
+        :param offset: time of the first sample after the start [s].
+        :param span: time from the start of a sample to its end [s].
         """
         self._rate, self._exact_rate = rate, timebase.exact_rate(rate)
         self._offset, self._span = timebase.exact_fraction(offset), timebase.exact_fraction(span)

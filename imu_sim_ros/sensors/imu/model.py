@@ -64,9 +64,11 @@ class _Ahead(NamedTuple):
     """Errors of the samples ``start .. end - 1`` that do not depend on their ideal readings."""
 
     start: int
+    """Index of the first sample."""
     end: int
+    """Index of the sample after the last one."""
     temperature: Array
-    """(end - start,) [degC]."""
+    """(end - start,) temperatures of the sensor [degC]."""
     additions: Sequence[Additions]
     """Additive errors of the gyroscope and of the accelerometer."""
     numbers: Sequence[tuple[NumberAdditions, NumberAdditions]]
