@@ -414,7 +414,13 @@ class RestCheck:
         return limit + self._steps.step
 
     def _disturbances(self, mean: Array, variance: Array, typical: Array, begin: float) -> Mask:
-        """Return a mask (windows,) of disturbances, with one window of margin on both sides."""
+        """Return a mask (windows,) of disturbances, with one window of margin on both sides.
+
+        :param mean: (windows, 6) means of the readings in consecutive windows.
+        :param variance: (windows, 6) variances in the windows.
+        :param typical: (6,) variance in a window at rest.
+        :param begin: start of the first window after the first sample [s].
+        """
         previous = mean[:1] if self._previous_mean is None else self._previous_mean
         jump = np.abs(np.diff(mean, axis=0, prepend=previous))
         self._previous_mean = mean[-1:]

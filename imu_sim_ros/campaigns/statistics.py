@@ -374,7 +374,10 @@ def power(pairs: int, difference: float, scatter: float, margin: float, comparis
 def seeds_for_power(
     target: float, difference: float, scatter: float, margin: float, comparisons: int
 ) -> int | None:
-    """Return the smallest number of seeds with a target :func:`power`; None: more than 100,000."""
+    """Return the smallest number of seeds with a target :func:`power`; None: more than 100,000.
+
+    :param target: chance to find the difference, 0 to 1. Other arguments as for :func:`power`.
+    """
     low, high = 0, 8
     while power(high, difference, scatter, margin, comparisons) < target:
         low, high = high, 2 * high

@@ -314,7 +314,13 @@ class PlaceBuilder:
     def lamp(
         self, center: Sequence[float], size: tuple[float, float], colour: Vector, strength: float
     ) -> None:
-        """Add a flat lamp that shines down, with a glowing face, unless it is in the path."""
+        """Add a flat lamp that shines down, with a glowing face, unless it is in the path.
+
+        :param center: middle of the lamp in the world [m].
+        :param size: lengths along x and y [m].
+        :param colour: red, green and blue, relative to white.
+        :param strength: factor of the colour; 0: the lamp is off, and its face grey.
+        """
         x, y, z = center
         w, d = size
         if not self.free((x - w / 2, y - d / 2, z), (x + w / 2, y + d / 2, z)):

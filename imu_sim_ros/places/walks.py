@@ -475,7 +475,12 @@ def _shadows(where: Surfaces, bottom: float, top: float) -> list[Array]:
 
 
 def _put(free: Array, grid: Array, corners: Array) -> None:
-    """Lower the distances of cells (a, b) to those from a convex quadrilateral (4, 2)."""
+    """Lower the distances of cells to what is in the way by those to a convex quadrilateral.
+
+    :param free: (a, b) distances [m], changed in place; those above ``_REACH`` do not matter.
+    :param grid: (a, b, 2) x and y of the cells' middles [m].
+    :param corners: (4, 2) corners in order; a cell inside has the distance 0.
+    """
     low, high = corners.min(axis=0) - _REACH, corners.max(axis=0) + _REACH
     rows = slice(*np.searchsorted(grid[:, 0, 0], (low[0], high[0])))
     columns = slice(*np.searchsorted(grid[0, :, 1], (low[1], high[1])))

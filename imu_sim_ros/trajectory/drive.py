@@ -283,7 +283,11 @@ def _yaw(d1: Array, d2: Array, d3: Array) -> Derivatives:
 
 
 def _pitch(d1: Array, d2: Array, d3: Array, height: tuple[Array, Array, Array]) -> Derivatives:
-    """Return ``-atan2(z', |(x', y')|)`` and its derivatives."""
+    """Return the pitch ``-atan2(z', |(x', y')|)`` [rad] and its derivatives by the path's u.
+
+    :param d1, d2, d3: (2, n) first to third derivatives of x and y by u.
+    :param height: first to third derivatives (n,) of z by u.
+    """
     (x1, y1), (x2, y2), (x3, y3) = d1, d2, d3
     z1, z2, z3 = height
     r = np.sqrt(x1 * x1 + y1 * y1)

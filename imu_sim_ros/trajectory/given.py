@@ -221,6 +221,13 @@ class Differentiated:
     def __init__(
         self, poses: Callable[[Array], object], duration: float, highest_frequency: float
     ) -> None:
+        """Initialise with a function of poses.
+
+        :param poses: returns the poses at times t (n,) [s].
+        :param duration: length of the motion [s].
+        :param highest_frequency: highest frequency of the motion [Hz].
+        :raises ConfigurationError: for a motion that is shorter than eight steps.
+        """
         if duration < 8.0 * STEP:
             raise ConfigurationError(
                 f"trajectory.duration = {duration:g}: must be at least {8.0 * STEP:g} s"

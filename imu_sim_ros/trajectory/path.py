@@ -323,7 +323,16 @@ def _find_part(
 def _round_corners(
     waypoints: Array, waypoint_u: Array, waypoint: Mask, width: float, deviation: float
 ) -> tuple[Path, Array]:
-    """Return the path with segments of a length, and its distance from each waypoint (n,)."""
+    """Return the path with segments of a length, and its distance from each waypoint (n,) [m].
+
+    Without an allowed deviation the corners of the polygon are moved until the path meets them.
+
+    :param waypoints: (w, 2) corners of the polygon [m].
+    :param waypoint_u: (w,) ways to them along the polygon [m].
+    :param waypoint: (w,) True for corners that are waypoints.
+    :param width: length of a segment, about [m].
+    :param deviation: allowed distance from the waypoints [m]; 0: none.
+    """
     segments = max(1, round(waypoint_u[-1] / width))
     spacing = waypoint_u[-1] / segments
     nodes = (np.arange(segments + DEGREE) - 2) * spacing

@@ -12,14 +12,14 @@ from imu_sim_ros.core.types import Array, Integers
 
 
 class Derivatives(NamedTuple):
-    """A function of time and its first two derivatives, each (n,)."""
+    """A quantity and its first two derivatives, by time or by the parameter of a path."""
 
     value: Array
-    """(n,) values in the unit of the quantity."""
+    """(n,) values."""
     first: Array
-    """(n,) first derivatives [unit / s]."""
+    """(n,) first derivatives."""
     second: Array
-    """(n,) second derivatives [unit / s^2]."""
+    """(n,) second derivatives."""
 
 
 class Phase(NamedTuple):
@@ -70,7 +70,7 @@ class RateProfile:
         return np.clip(index, 0, len(self._times) - 1)
 
     def sample(self, t: Array) -> Derivatives:
-        """Return value, rate and acceleration (n,) at times t (n,) [s]."""
+        """Return value, rate and acceleration (n,) [unit, unit/s, unit/s^2] at times t (n,) [s]."""
         phase = self.locate(t)
         length, change = self._lengths[phase], self._changes[phase]
         first_rate = self._first_rates[phase]

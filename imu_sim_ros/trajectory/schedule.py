@@ -237,7 +237,13 @@ def _check_steps(count: float, legs: Array) -> None:
 def _piecewise_schedule(
     way: _Way, square: Array, arrival: Array, departure: Array, t: Array
 ) -> Array:
-    """Return u of the schedule at times (m,): constant acceleration from place to place."""
+    """Return u (m,) of the schedule: constant acceleration from place to place.
+
+    :param way: n places along the path.
+    :param square: (n,) squares of the speeds there [m^2/s^2].
+    :param arrival, departure: (n,) times at which the vehicle reaches and leaves them [s].
+    :param t: (m,) times [s].
+    """
     from scipy.interpolate import CubicHermiteSpline
 
     row = np.clip(np.searchsorted(departure, t, side="right") - 1, 0, len(way.u) - 2)

@@ -158,7 +158,15 @@ def _symmetric(entries: Array) -> Array:
 def _summary(
     y: Array, inverse: Array, bias: Array, variance: float, size: float, field: float | None
 ) -> Ellipsoid:
-    """Return the result in SI units, S scaled to the field's strength."""
+    """Return the result in SI units.
+
+    :param y: (n, 3) readings over ``size``.
+    :param inverse: (3, 3) fitted T, the inverse of S.
+    :param bias: (3,) fitted bias over ``size``.
+    :param variance: variance of a reading over ``size`` squared.
+    :param size: scale of the readings [T].
+    :param field: strength of the field [T]; None: it follows from a determinant of S of 1.
+    """
     fit = _Step(y, inverse, bias, variance)
     covariance = variance * np.linalg.inv(fit.jacobian.T @ fit.jacobian)
     shape: Array = np.linalg.inv(inverse).astype(np.float64)

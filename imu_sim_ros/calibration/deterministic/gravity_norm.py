@@ -99,7 +99,12 @@ def fit_norm(steady: Steady, gravity: float) -> NormFit:
 def _gauss_newton_step(
     inverse: Array, bias: Array, steady: Steady, gravity: float
 ) -> tuple[Array, Array, float]:
-    """Return one Gauss-Newton step from ``T`` and b, and its size."""
+    """Return T and b after one Gauss-Newton step of ``|T (y - b)| = g``, and its largest change.
+
+    :param inverse: (3, 3) T before the step.
+    :param bias: (3,) b before the step [m/s^2].
+    :param gravity: magnitude g of gravity [m/s^2].
+    """
     centred = steady.accel - bias
     norms = np.linalg.norm(centred @ inverse.T, axis=1)
     sigma = _norm_sigma(inverse, centred, norms, steady)

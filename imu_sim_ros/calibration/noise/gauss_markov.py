@@ -99,7 +99,14 @@ def _time_interval(
     high: float,
     visible: bool,
 ) -> Estimate:
-    """Return the correlation time [s] with the interval of its profile likelihood."""
+    """Return the correlation time [s] with the interval of its profile likelihood.
+
+    :param profile: objective with the logarithm of the correlation time held at a value.
+    :param best: logarithm of the estimate.
+    :param lowest: objective at the estimate.
+    :param low, high: smallest and largest logarithm that is searched.
+    :param visible: True if the record shows the process.
+    """
     if not visible:
         return Estimate(None, 0.0, float(np.exp(high)))
 

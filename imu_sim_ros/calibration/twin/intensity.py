@@ -83,7 +83,12 @@ def _spectrum(values: Array) -> Array:
 
 
 def _highest_peak(values: Array, rate: float, lowest: float) -> float | None:
-    """Return the frequency [Hz] of the highest peak over its neighbours; None without any."""
+    """Return the frequency [Hz] of the highest peak over its neighbours; None without any.
+
+    :param values: (n, k) columns, each with a spectrum.
+    :param rate: rows per second [Hz].
+    :param lowest: frequency above which a peak is searched [Hz].
+    """
     power = _spectrum(values)
     begin = int(np.ceil(lowest * len(values) / rate)) + 1
     if len(power) < begin + 2 * _NEIGHBOURS:
@@ -146,6 +151,11 @@ def _lines(frequency: Array, parts: Array, remainder: Array, rate: float) -> Lin
 
     With the two-sided density S around it and the record's length T:
     ``var A = 2 S / T, var f = 6 S / (pi^2 A^2 T^3)``.
+
+    :param frequency: (l,) frequencies of the lines [Hz].
+    :param parts: (2 l, 6) amplitudes of the sines, then of the cosines.
+    :param remainder: (n, 6) values without the lines.
+    :param rate: rows per second [Hz].
     """
     count, length = len(frequency), len(remainder) / rate
     sine, cosine = parts[:count], parts[count:]
@@ -202,7 +212,12 @@ def range_edges(rate: float) -> Array:
 def filter_band(
     values: Array, parts: Sequence[slice], rate: float, low: float, high: float
 ) -> Array:
-    """Return the part of values (n, 6) in a range of frequencies; 0 outside the parts."""
+    """Return the part of values (n, 6) in a range of frequencies; 0 outside the parts.
+
+    :param parts: rows of the parts, each transformed by itself.
+    :param rate: rows per second [Hz].
+    :param low, high: the range ``low <= f < high`` [Hz].
+    """
     filtered = np.zeros_like(values)
     for part in parts:
         count = part.stop - part.start

@@ -280,7 +280,11 @@ def _format_position(position: Array) -> str:
 def _box(
     stream: np.random.Generator, corner: Array, end: Array, low: Array, high: Array
 ) -> tuple[Array, Array]:
-    """Return two opposite corners of a box that stands against a wall, off the path."""
+    """Return two opposite corners (3,) of a box that stands against a wall, off the path [m].
+
+    :param corner, end: (3,) lower and upper corner of the room [m].
+    :param low, high: (3,) lower and upper corner of the box around the path [m].
+    """
     axis, side = int(stream.integers(0, 2)), int(stream.integers(0, 2))
     free = (low - corner)[axis] if side == 0 else (end - high)[axis]
     depth = _FURNITURE * free * stream.uniform(0.4, 1.0)
@@ -488,7 +492,12 @@ def _board_corners(p: TargetParameters, corners: Array) -> Array:
 
 
 def _target(p: TargetParameters, corners: Array, board_corner: Array, size: Array) -> Scene:
-    """Return a calibration board as a scene."""
+    """Return a calibration board as a scene.
+
+    :param corners: (n, 3) landmarks on the board, in its axes [m].
+    :param board_corner: (2,) lower left corner of the board in its axes [m].
+    :param size: (2,) width and height of the board [m].
+    """
     r_wt, p_wt = np.reshape(p.orientation, (3, 3)), np.asarray(p.position)
     landmarks = _board_corners(p, corners)
     normals = np.broadcast_to(r_wt[:, 2], landmarks.shape)

@@ -548,7 +548,13 @@ def assemble_reading(
     low_pass: Array | None = None,
     vibration: Array | None = None,
 ) -> Reading:
-    """Return readings (n, ..., 3) with their errors; None: there is none."""
+    """Return readings (n, ..., 3) with their errors, each of the same shape or None: there is none.
+
+    :param additions: scale factors, biases and white noise.
+    :param response_error: response minus ideal reading.
+    :param low_pass: change of the reading by the low-pass.
+    :param vibration: vibration that was added.
+    """
     none = _constant(0.0, reading.shape)
     scale, bias, noise = additions
     return Reading(

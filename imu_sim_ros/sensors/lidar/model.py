@@ -311,7 +311,13 @@ class Lidar(SensorModel[LidarParameters]):
         limit: Array | None,
         on_glass: Callable[[], Mask],
     ) -> None:
-        """Mark the rays without a return."""
+        """Set the outcome of the rays without a return.
+
+        :param outcome: (n,) codes of the outcomes, changed in place.
+        :param range_: (n,) measured ranges [m].
+        :param limit: (n,) largest ranges at which the targets are detected [m]; None: no limit.
+        :param on_glass: returns True (n,) for rays that hit glass.
+        """
         p, count = self.parameters, len(range_)
         if limit is not None:
             if p.detection_spread > 0.0:
@@ -327,7 +333,15 @@ class Lidar(SensorModel[LidarParameters]):
     def _meet_rain(
         self, outcome: NDArray[np.uint8], range_: Array, intensity: Array, distance: Array
     ) -> None:
-        """Replace the returns of rays that hit rain or dust."""
+        """Replace the returns of rays that hit rain or dust.
+
+        The first three arrays are changed in place.
+
+        :param outcome: (n,) codes of the outcomes.
+        :param range_: (n,) measured ranges [m].
+        :param intensity: (n,) measured intensities.
+        :param distance: (n,) true distances of the targets [m].
+        """
         p, count = self.parameters, len(range_)
         if p.false_return_share == 0.0:
             return

@@ -205,8 +205,14 @@ class StatedCovariance:
     ) -> tuple[Array, Array]:
         """Return the motions about the origin that errors add in an interval.
 
-        The errors are those of the speed of each rim (n, m, 3), and of the steering angle (n, 1,
-        3).
+        The errors are those of the speed of each rim (n, m, 3) [1 / (m/s)], and of the steering
+        angle (n, 1, 3) [1 / rad]. A motion is x, y [m] and yaw [rad].
+
+        :param previous: (n, 3) poses at the starts of the intervals.
+        :param pose: (n, 3) poses at their ends.
+        :param twist: (n, 3) twists in the intervals.
+        :param angle: (n, j) angles of the joints, the steering angle last [rad].
+        :param dt: (n,) lengths of the intervals [s].
         """
         x, y, yaw = (0.5 * (previous + pose)).T
         chord = dt * np.sinc((pose[:, 2] - previous[:, 2]) / math.tau)

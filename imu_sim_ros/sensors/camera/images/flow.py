@@ -127,7 +127,15 @@ def _project(
 def _is_hidden(
     uv: Array, away: Array, valid: Mask, body: int, next_image: tuple[Single, Bytes | None]
 ) -> Mask:
-    """Return True for points behind everything in the four pixels around them."""
+    """Return True for points behind everything in the four pixels around them.
+
+    :param uv: (n, 2) pixels of the points in the next image.
+    :param away: (n,) depths of the points [m].
+    :param valid: (n,) True for points in the image; all others are hidden.
+    :param body: number of the body that the points are on; 0: at rest.
+    :param next_image: depths (h, w) [m], 0 for the sky, and numbers of the bodies (h, w); None: no
+        body moves.
+    """
     depth, mask = next_image
     result = np.ones(len(uv), np.bool_)
     some = np.flatnonzero(valid)

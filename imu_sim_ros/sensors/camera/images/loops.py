@@ -481,7 +481,16 @@ def _is_at_edge(
     inverse: np.float32,
     hit: int,
 ) -> bool:
-    """Return whether a pixel may show more than its centre does: pair ``hit`` at 1 / t."""
+    """Return whether a pixel may show more than its centre does.
+
+    :param which: numbers of the rectangles of all pairs.
+    :param patches: texture mappings of all pairs.
+    :param begin, end: the pairs of the pixel's cell.
+    :param k: number of the pose.
+    :param ray: direction through the centre.
+    :param inverse: 1 / t at which the centre meets a rectangle.
+    :param hit: the pair that the centre meets; below 0: none.
+    """
     threshold = inverse - patches[hit].depth if hit >= 0 else _ZERO
     for p in range(begin, end):
         patch = patches[p]

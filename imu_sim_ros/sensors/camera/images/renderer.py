@@ -221,7 +221,12 @@ class Renderer:
         return facing[~beyond.any(axis=1)]
 
     def _may_be_seen(self, ball: tuple[Array, float], position: Array, r_wc: Array) -> bool:
-        """Return whether a bounding sphere, centre and radius, may be in the image."""
+        """Return whether a sphere may be in the image.
+
+        :param ball: centre (3,) in the axes of its body, and radius [m].
+        :param position: (n, 3) positions of the camera in these axes [m].
+        :param r_wc: (n, 3, 3) attitudes of the camera in these axes.
+        """
         center, radius = ball
         middle = ((center - position)[:, :, None] * r_wc).sum(axis=1)
         rows = self._corner_rows if len(middle) > 1 else np.zeros(1, np.int64)
