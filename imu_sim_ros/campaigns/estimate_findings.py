@@ -137,7 +137,11 @@ def _longest(still: Mask) -> tuple[int, int]:
 
 
 def _attitude(q_wb: Array, truth: Array) -> Iterator[str]:
-    """Yield the constant rotation, or the other convention, that explains an attitude's error."""
+    """Yield the constant rotation, or the other convention, that explains an attitude's error.
+
+    :param q_wb: (n, 4) attitudes of an estimate whose positions are aligned with the truth.
+    :param truth: (n, 4) true attitudes at the same times.
+    """
     error = _rms(_difference(q_wb, truth))
     if error < _CONSTANT_RAD:
         return

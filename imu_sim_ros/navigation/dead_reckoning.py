@@ -209,7 +209,12 @@ class _States:
 
 
 def _step_through(stepper: Stepper, t_ns: Integers, gyro: Array, accel: Array) -> States:
-    """Integrate one step at a time if there are no increments."""
+    """Integrate n readings step by step, for attitude updates that have no increments.
+
+    :param t_ns: (n,) stamps [ns].
+    :param gyro: (n, 3) rates [rad/s].
+    :param accel: (n, 3) specific forces [m/s^2].
+    """
     position, velocity, q_wb = [], [], []
     readings = zip(t_ns.tolist(), gyro.tolist(), accel.tolist(), strict=True)
     for t, rate, force in readings:

@@ -49,6 +49,9 @@ class NavigationState(_State):
     def __new__(cls, position: ArrayLike, velocity: ArrayLike, q_wb: ArrayLike) -> Self:
         """Check the state.
 
+        :param position: (3,) in the world [m].
+        :param velocity: (3,) in the world [m/s].
+        :param q_wb: (4,) attitude of the body.
         :raises ConfigurationError: for values not finite, wrong shapes and non-unit quaternions.
         """
         q = array("q_wb", q_wb, (4,))

@@ -285,7 +285,13 @@ def _reflected_irradiance(
     direct: Single,
     lighting: Lighting,
 ) -> Single:
-    """Return the irradiance (n, 3) by light that other surfaces reflect."""
+    """Return the irradiance (n, 3) of red, green and blue by light that other surfaces reflect.
+
+    :param points: n points on the surfaces.
+    :param albedo: (m, 3) albedo of each surface.
+    :param sky: (m,) True for surfaces that are the sky, which give its light.
+    :param direct: (n, 3) irradiance by lamps, sun and sky.
+    """
     hits = _ray_hits(points, Caster(where, np.float32))
     colour = np.array(lighting.sky, np.float32)
     of_point = albedo[points.surface]

@@ -311,7 +311,13 @@ def _linear(material: str) -> list[float]:
 
 
 def _exposure(maps: list[Single], sky: Mask, areas: Array, middle: float) -> np.float32:
-    """Return the factor with which half of the area of all surfaces is brighter than ``middle``."""
+    """Return the factor with which half of the area of all surfaces is brighter than ``middle``.
+
+    :param maps: irradiance (rows, columns, 3) on each of m surfaces, of which green counts.
+    :param sky: (m,) True for surfaces that are the sky, which do not count.
+    :param areas: (m,) areas [m^2].
+    :param middle: brightness that half of the area is to exceed.
+    """
     values, weights = [], []
     for grid, dark, area in zip(maps, sky, areas, strict=True):
         if not dark:

@@ -522,7 +522,11 @@ class StartCheck:
             yield f"{name} = {declared:g}: the readings come {rate:.4g} times a second"
 
     def _of_forces(self, gyro: Array, accel: Array) -> Iterator[str]:
-        """Yield lines about units and gravity that readings at rest contradict."""
+        """Yield lines about units and gravity that readings at rest contradict.
+
+        :param gyro: (n, 3) readings that are declared as rates [rad/s].
+        :param accel: (n, 3) readings that are declared as specific forces [m/s^2].
+        """
         turning = np.abs(gyro).max() > 10.0 * _REST_RATE or gyro.std(axis=0).max() > _REST_RATE
         rests = not turning and accel.std(axis=0).max() <= _REST_FORCE
         mean = accel.mean(axis=0)
@@ -583,7 +587,12 @@ class StartCheck:
         )
 
     def _of_noise(self, t_ns: Times, gyro: Array, accel: Array) -> Iterator[str]:
-        """Yield lines about white noise of the input that adds to the sensor's."""
+        """Yield lines about white noise of the input that adds to the sensor's.
+
+        :param t_ns: (n,) stamps [ns].
+        :param gyro: (n, 3) rates in the axes of the input [rad/s].
+        :param accel: (n, 3) specific forces in the axes of the input [m/s^2].
+        """
         imu, rate = self._parameters.imu, self._parameters.rate
         rows = _longest_stretch(t_ns, (gyro, accel))
         if len(rows) < _FEWEST:

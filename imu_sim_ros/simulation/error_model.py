@@ -270,7 +270,12 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         return blocks
 
     def _apply(self, imu: Imu, readings: Readings, gyro: Array, accel: Array) -> dict[str, Samples]:
-        """Return the next samples, which are those of readings (n m, 3) inside the sensor."""
+        """Return the next n samples of the IMU and of its other sensors.
+
+        :param readings: n readings at the times of the samples.
+        :param gyro: (n m, 3) ideal rates inside the sensor [rad/s].
+        :param accel: (n m, 3) ideal specific forces inside the sensor [m/s^2].
+        """
         begin, self.position = self.position, self.position + len(readings.t_ns)
         samples = {IMU: imu.apply(readings.t_ns, self._motion(readings), gyro, accel, self._world)}
         if self._others:

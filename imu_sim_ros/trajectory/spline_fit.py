@@ -139,6 +139,11 @@ def _reject_outliers(
 
     Weights ``1 / (1 + (e / distance)^2)`` of the distances e, again and again (the Cauchy loss by
     iteratively reweighted least squares).
+
+    :param t: (n,) times of the positions [s].
+    :param position: (n, 3) positions [m].
+    :param cutoff: frequency above which the spline is smooth [Hz].
+    :param distance: distance e at which a position has half its weight [m].
     """
     trust = np.ones(len(t))
     for _ in range(_REWEIGHTINGS):

@@ -248,7 +248,14 @@ def observations(
     axis: int,
     temperature: Array | None = None,
 ) -> Observations:
-    """Return the readings of one axis of a triad; readings and sigma are (m, 3)."""
+    """Return the mean readings of one axis of a triad with their known input.
+
+    :param steady: m pieces of stretches.
+    :param inputs: (m, p) known inputs.
+    :param readings: (m, 3) mean readings of the triad.
+    :param sigma: (m, 3) standard errors of the readings.
+    :param temperature: (m,) differences from the reference temperature [K]; None: 0.
+    """
     t = np.zeros(len(inputs)) if temperature is None else temperature
     return Observations(
         inputs=inputs,
@@ -274,6 +281,10 @@ def _tilt(positions: Steady, force: Array, axes: list[AxisResponse], gravity: fl
     Across an axis a tilt of theta reads g theta. Each axis has four numbers; the residuals of the
     rests' means are tilt if they are far above the readings' own errors. Rounding, which
     alone remains of an exact fit of readings without noise, is no tilt.
+
+    :param force: (m, 3) nominal specific forces in the pieces [m/s^2].
+    :param axes: fitted responses of the accelerometer's axes.
+    :param gravity: magnitude of gravity [m/s^2].
     """
     if all(axis.is_exact for axis in axes):
         return 0.0

@@ -196,7 +196,12 @@ def usable_band(spectrum: Spectrum, axis: int) -> UsableBand:
 
 
 def _peaks(power: Array, freedom: Array, high: Mask) -> Mask:
-    """Return the rows that stand far above the median of their neighbours."""
+    """Return a mask (m,) of the rows that stand far above the median of their neighbours.
+
+    :param power: (m,) densities.
+    :param freedom: (m,) numbers of averaged coefficients.
+    :param high: (m,) True for the rows that are examined.
+    """
     from scipy.special import gammainccinv
 
     peaks = np.zeros(len(power), dtype=bool)

@@ -71,6 +71,10 @@ def fit_mounting(gyro: Array, accel: Array, motion: BodyMotion) -> Array:
     Wahba's problem, solved by a singular value decomposition (Markley, "Attitude determination
     using vector observations and the singular value decomposition", 1988). Rates without their
     means, for the bias; both scaled to their own size.
+
+    :param gyro: (n, 3) readings of the gyroscope [rad/s].
+    :param accel: (n, 3) readings of the accelerometer [m/s^2].
+    :param motion: rates and specific forces of the body at the same times.
     """
     products = [_product(gyro - gyro.mean(axis=0), motion.rate - motion.rate.mean(axis=0))]
     products.append(_product(accel, motion.force))

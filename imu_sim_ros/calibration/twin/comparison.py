@@ -49,6 +49,9 @@ def spectrum_of(values: Array, rate: float) -> tuple[Array, Array]:
     """Return frequencies (m,) [Hz] and two-sided densities (m, 6): Welch's method, for pictures.
 
     Half-overlapping segments of four seconds, or a quarter of a short record.
+
+    :param values: (n, 6) readings or residuals.
+    :param rate: samples per second [Hz].
     """
     size = max(min(round(_SEGMENT * rate), len(values) // 4), 8)
     window = np.hanning(size + 2)[1:-1, None]
@@ -62,7 +65,12 @@ def spectrum_of(values: Array, rate: float) -> tuple[Array, Array]:
 
 
 def features(values: Array, parts: Sequence[slice], rate: float) -> Array:
-    """Return log densities (windows, bands * 6) of windows of half a second."""
+    """Return log densities (windows, bands * 6) of windows of half a second.
+
+    :param values: (n, 6) residuals.
+    :param parts: rows of the parts without a gap, which are cut into windows.
+    :param rate: samples per second [Hz].
+    """
     size = round(_WINDOW * rate)
     rows = [s for p in parts for s in range(p.start, p.stop - size + 1, size)]
     if not rows:

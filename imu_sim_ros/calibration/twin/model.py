@@ -265,7 +265,12 @@ def predict_readings(errors: Errors, motion_at: MotionAt, t: Array) -> tuple[Arr
 def linearise_readings(
     errors: Errors, motion_at: MotionAt, stamps: Array, reference: float, wander: Array
 ) -> Linear:
-    """Return the readings at stamps (n,) [s], linear in small changes of the errors."""
+    """Return the readings at stamps (n,) [s], linear in small changes of the errors.
+
+    :param motion_at: motion of the truth.
+    :param reference: stamp to which the clock's offset belongs [s].
+    :param wander: (n,) deviation of the truth's clock from offset and skew [s].
+    """
     t = true_times(errors, stamps, reference, wander)
     motion, slope, by_curvature, by_world = _linearise(errors, motion_at, t)
     turning = rotation.skew(motion.rate)

@@ -190,7 +190,8 @@ class Tracker:
     ) -> _Observed:
         """Return which points are seen in which frames, in as many steps as memory requires.
 
-        :param body: in whose axes the points are; None: in the world.
+        :param points: (n, 3) landmarks [m], with ``normals`` (n, 3) of their surfaces.
+        :param body: body in whose axes they are; None: in the world.
         """
         delivered = np.flatnonzero(frames.delivered)
         step = max(1, _PAIRS // max(1, len(points)))
@@ -211,7 +212,13 @@ class Tracker:
     def _look_at_once(
         self, frames: Frames, rows: Rows, points: Array, normals: Array, body: MovingBody | None
     ) -> _Observed:
-        """Return the landmarks that some frames show, before occlusion."""
+        """Return the landmarks that some frames show, without those that something hides.
+
+        :param rows: rows of the frames.
+        :param points: (n, 3) landmarks in the axes of the body, or in the world [m].
+        :param normals: (n, 3) normals of their surfaces; zero: seen from all sides.
+        :param body: body in whose axes they are; None: in the world.
+        """
         p, model = self.view.parameters, self.view.model
         t = self.view.seconds(frames.true_t_ns[rows])
         poses = self._poses(t, body)
@@ -245,6 +252,10 @@ class Tracker:
 
         The row decides the time, and the time the row: ``t = t_frame + row_time (v - (h - 1) / 2)``
         is iterated, which converges as fast as rows move slower in the image than the shutter.
+
+        :param t: (n,) times of the frames [s].
+        :param points: (n, 3) points in the body's axes, or in the world [m].
+        :param uv: (n, 2) pixels at the frames' times.
         """
         p, model = self.view.parameters, self.view.model
         for _ in range(_SHUTTER_STEPS):

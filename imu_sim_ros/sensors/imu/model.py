@@ -289,7 +289,13 @@ class Imu:
         additions: Sequence[Additions],
         vibration: Array | None,
     ) -> list[Reading]:
-        """Return the readings of gyroscope and accelerometer."""
+        """Return n readings of the gyroscope and of the accelerometer.
+
+        :param start: index of the first sample.
+        :param ideal: ideal rates [rad/s] and specific forces [m/s^2], (n m, 3) each.
+        :param additions: additive errors of both triads.
+        :param vibration: (n, 6) vibration at gyroscope and accelerometer; None: there is none.
+        """
         shaken = (None, None) if vibration is None else (vibration[:, :3], vibration[:, 3:])
         return [
             triad.read(start, triad_input, ideal[1], added, self._timing.faults, shake)
@@ -307,7 +313,14 @@ class Imu:
         temperature: Array,
         readings: Sequence[Reading],
     ) -> Samples:
-        """Return n samples with stamps and transport."""
+        """Return n samples with stamps and transport.
+
+        :param start: index of the first sample.
+        :param true_t_ns: (n,) true times [ns].
+        :param ideal: ideal rates [rad/s] and specific forces [m/s^2], (n, 3) each.
+        :param temperature: (n,) temperature of the sensor [degC].
+        :param readings: readings of gyroscope and accelerometer with their errors.
+        """
         gyro, accel = readings
         arrays = (*gyro, *accel, temperature, *ideal, motion)
         values = dict(zip(_VALUES, arrays, strict=True))

@@ -182,9 +182,12 @@ def _table(p: LidarParameters) -> Pattern:
 def _check_row(
     path: Path, number: int, row: list[float], previous_time: float, p: LidarParameters
 ) -> None:
-    """Refuse a ray that no scan has.
+    """Check a ray of a table.
 
-    :raises InputError: naming its line.
+    :param number: number of its line.
+    :param row: time [s], azimuth and elevation [deg], and a ring if the table has them.
+    :param previous_time: time of the ray before it [s].
+    :raises InputError: for a ray that no scan has, naming its line.
     """
     where = f"{path}: line {number}"
     if not all(map(math.isfinite, row)):

@@ -115,7 +115,12 @@ class StatedCovariance:
         return covariances
 
     def _put_steering(self, covariances: Array, speed: Array, steered: Array) -> None:
-        """Add the yaw rate's part from forward speeds and steering angles (n,)."""
+        """Set the yaw rate's variance and its covariance with the forward speed.
+
+        :param covariances: (n, 3, 3) covariances of the twists, changed in place.
+        :param speed: (n,) forward speeds [m/s].
+        :param steered: (n,) steering angles [rad].
+        """
         p, variance = self._parameters, covariances[:, 0, 0]
         curvature = np.tan(steered) / p.wheelbase
         slope = (1.0 + np.tan(steered) ** 2) / p.wheelbase
