@@ -527,13 +527,17 @@ def _states(
     skipped: Skipped | None,
     warned: Warned | None,
 ) -> Iterator[tuple[States, Array]]:
-    """Yield true states and biases (n, 6) of a bag or a dataset, in blocks."""
+    """Yield true states and biases (n, 6) of a bag or a dataset, in blocks.
+
+    Biases are those of the gyroscope [rad/s] and the accelerometer [m/s^2].
+    """
     if text_reader.is_text(path):
         yield from text_reader.state_blocks(path, skipped=skipped)
         return
-    biases = [BiasTopicReader(path, name, topic, recover) for name in (GYRO_BIAS, ACCEL_BIAS)]
+    bias_readers = [BiasTopicReader(path, name, topic, recover) for name in (GYRO_BIAS, ACCEL_BIAS)]
     for states in odometry_blocks(path, topic, recover, skipped, warned):
-        yield states, np.concatenate([reel.at(states.t_ns) for reel in biases], axis=1)
+        biases = [reader.at(states.t_ns) for reader in bias_readers]
+        yield states, np.concatenate(biases, axis=1)
 
 
 class BiasTopicReader:

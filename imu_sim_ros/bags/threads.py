@@ -46,9 +46,10 @@ def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
     stopped = False
 
     def work() -> None:
+        """Compute the items until they or the reader end; wait while enough are ahead."""
         try:
             for item in items:
-                if not room.get() or stopped:
+                if not room.get() or stopped:  # False: the reader has ended
                     return
                 results.put((item,))
             results.put(None)

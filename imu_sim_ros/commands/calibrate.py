@@ -28,7 +28,10 @@ EXAMPLES: Final = "\n".join(line for run in RUNS.values() for line in run.exampl
 
 
 def _numbers(text: str) -> Array:
-    """Return the magnitudes of numbers separated by commas, as argparse needs it."""
+    """Return the magnitudes (n,) of rates separated by commas, as a type of argparse.
+
+    The sign has no meaning: each rate is driven in both directions.
+    """
     try:
         values = np.array([abs(float(word)) for word in text.split(",")])
     except ValueError:

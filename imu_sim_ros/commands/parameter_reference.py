@@ -117,7 +117,12 @@ def _below(prefix: str, section: type) -> dict[str, Parameter]:
 
 
 def _kinds(name: str, shared: type, kinds: Mapping[str, type]) -> Iterator[str]:
-    """Yield the parameters of every kind of a thing, and then each kind's own."""
+    """Yield tables in Markdown: the parameters that all kinds share, then those of each kind.
+
+    :param name: name of the section that has kinds, for instance ``trajectory``.
+    :param shared: section of the parameters that all kinds share.
+    :param kinds: section of each kind by its name, the value of ``NAME.type``.
+    """
     shared_rows = _below(name, shared)
     yield f"### Every {name}\n"
     yield from _table(shared_rows)

@@ -207,9 +207,9 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]  # the overloads say the same
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """Parse, subcommands included, and note which arguments are one of a few words.
+        """Parse, subcommands included, and note which options have choices.
 
-        An unknown option is said before what is missing because of it.
+        An unknown option is reported before an argument that is missing because of it.
         """
         self.problems = []
         self._refuse(self._unknown_options(sys.argv[1:] if args is None else args))

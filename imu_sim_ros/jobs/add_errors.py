@@ -590,7 +590,11 @@ class ErrorModelBatch:
         return self._batch.barometers.read(t_ns, values, invalid)
 
     def _hold(self, invalid: Mask, **values: Array) -> None:
-        """Keep the last values of some environments instead of these, with a warning."""
+        """Replace invalid values, in place, by the last ones of their environments; warn of them.
+
+        :param invalid: (count,) True for the environments whose values are not possible.
+        :param values: (count, ...) values of all environments, by quantity; 0 before the first.
+        """
         if invalid.any():
             for name, reading in values.items():
                 reading[invalid] = self._last[name][invalid] if name in self._last else 0.0

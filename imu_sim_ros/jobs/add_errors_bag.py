@@ -232,7 +232,13 @@ class BagErrors:
         advance: Callable[[int], object],
         warned: Warned | None,
     ) -> list[str]:
-        """Write the sensor's topics, then copy the others; bags are ordered when they are read."""
+        """Write the sensor's topics, then copy the others; bags are ordered when they are read.
+
+        :param copied: topics to copy; ``renamed``: new names by old ones.
+        :param advance: receives the number of messages of the source that are done.
+        :param warned: receives the number of bad messages, which are copied.
+        :returns: a line for each topic and type whose fields differ in the output.
+        """
         groups = self._bag.groups({self._source.name})
         batches = (
             (self._sensor_messages(block), len(block.t_ns)) for group in groups for block in group

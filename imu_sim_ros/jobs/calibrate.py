@@ -718,7 +718,7 @@ def _gravity(value: float) -> float:
 
 
 def _correction(source: Calibration | str | Path) -> Correction:
-    """Return how the errors that a calibration found are taken from readings."""
+    """Return the correction of readings by a calibration, or by the file of its parameters."""
     values: Mapping[str, object]
     if isinstance(source, Calibration):
         values = correction.integrator_parameters(source.parameters)

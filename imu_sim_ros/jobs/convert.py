@@ -644,32 +644,59 @@ def _write_merged(source: Path, output: _Output, writer: Writer, handling: Handl
         writer.write(topic, readings.t_ns, payloads)
 
 
+def _named_topic(
+    type_name: str, topics: Sequence[TopicInfo], selection: Collection[str]
+) -> str | None:
+    """Return the only named topic of a type; None: no topics are named, or several of the type.
+
+    :param topics: topics that are converted.
+    :param selection: names of the topics that the user asks for; empty: ``topics`` are all of the bag.
+    :raises InputError: if topics are named, but none of the type.
+    """
+    if not selection:
+        return None
+    fitting = [topic.name for topic in topics if topic.type == type_name]
+    if not fitting:
+        raise InputError(f"topics {','.join(selection)}: none of them is of {type_name}")
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def _truth_of_dataset(
+    bag: Bag, topics: Sequence[TopicInfo], selection: Collection[str], journal: Journal
+) -> str | None:
+    """Return the topic of the truth: the named one, ``ground_truth/odom``, or the only Odometry.
+
+    The last may be an estimate: a remark names it. None: no topic is odometry.
+
+    :param topics, selection: as for :func:`_named_topic`.
+    """
+    truths = [topic.name for topic in topics if topic.type == ODOMETRY]
+    if not truths:
+        return None
+    usual = [name for name in truths if name.endswith(streams.TRUTH)]
+    chosen = _named_topic(ODOMETRY, topics, selection) or (usual[0] if len(usual) == 1 else None)
+    truth = bag.topic(ODOMETRY, chosen).name
+    if chosen is None:
+        journal.remark(f"{bag.path}: {truth} becomes the truth of the dataset")
+    return truth
+
+
 def _bag_to_dataset(
     bag: Bag, topics: Sequence[TopicInfo], output: _Output, journal: Journal, recover: Recover
 ) -> Counts:
-    """Write readings, tables, the truth if there is one, and the images of a folder."""
+    """Write readings, tables, the truth if there is one, and the images of a folder.
 
-    def only_named(type_name: str) -> str | None:
-        """Return the topic of a type that was named; None: no one topic was."""
-        fitting = [topic.name for topic in topics if topic.type == type_name]
-        asked = output.form.topics
-        if asked and not fitting:
-            raise InputError(f"topics {','.join(asked)}: none of them is of {type_name}")
-        return fitting[0] if asked and len(fitting) == 1 else None
-
-    choice, truth = output.choice, None
+    :param topics: topics of the bag that are converted: those that are named, or all.
+    :returns: rows by topic, and the last stamp [ns].
+    """
+    choice, selection = output.choice, output.form.topics
     if choice.merges:
         readings, topic, count = streams.READINGS, None, 0
     else:
-        info = bag.topic(IMU, only_named(IMU))
+        info = bag.topic(IMU, _named_topic(IMU, topics, selection))
         readings, topic, count = info.name, info.name, info.count
+    truth = _truth_of_dataset(bag, topics, selection, journal)
     truths = [topic for topic in topics if topic.type == ODOMETRY]
-    if truths:
-        truth_topics = [topic.name for topic in truths if topic.name.endswith(streams.TRUTH)]
-        truth_name = only_named(ODOMETRY) or (truth_topics[0] if len(truth_topics) == 1 else None)
-        truth = bag.topic(ODOMETRY, truth_name).name
-        if truth_name is None:
-            journal.remark(f"{bag.path}: {truth} becomes the truth of the dataset")
     one_table = output.target.path.suffix.lower() == ".csv"
     tables = {} if one_table else sensor_tables.tables_of(topics, readings, reading_tables())
     names = {kind: topic.name for kind, topic in tables.items()}

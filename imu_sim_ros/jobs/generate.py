@@ -248,11 +248,11 @@ def generate(
     path, form = form_of_output(FORMATS, output, format, bag, topics, rename)
     arguments.boolean("imu_only", imu_only)
     arguments.boolean("with_configs", with_configs)
-    skip = arguments.boolean("skip_bad_rows", skip_bad_rows)
-    renderers = core_count() if jobs is None else jobs
-    arguments.integer("jobs", renderers, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
+    arguments.boolean("skip_bad_rows", skip_bad_rows)
+    threads = core_count() if jobs is None else jobs
+    arguments.integer("jobs", threads, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
     journal, problems = Journal(), Problems()
-    layers, motion = run_parameters(
+    values, motion = run_parameters(
         journal,
         problems,
         params_file,
@@ -267,36 +267,37 @@ def generate(
         cameras=cameras,
         scene=scene,
     )
-    with collect_pose_problems(layers, motion, _has_segments(segments)):
-        simulation = load_simulator(layers, problems=problems)
+    with collect_pose_problems(values, motion, _has_segments(segments)):
+        simulation = load_simulator(values, problems=problems)
 
     sensors = mount_sensors(simulation)
     check_form(form.dataset, path, sensors)
-    names = topics_to_write(sensors, form.dataset, path, form.topics, form.renamed, imu_only)
-    fastest = max(sensor.environment.rate for sensor in sensors.values())
-    check_split(form.bag.split_duration, 1.0 / fastest, simulation.duration or 0.0)
+    topic_names = topics_to_write(sensors, form.dataset, path, form.topics, form.renamed, imu_only)
+    fastest_rate = max(sensor.environment.rate for sensor in sensors.values())
+    check_split(form.bag.split_duration, 1.0 / fastest_rate, simulation.duration or 0.0)
     inputs = [*parameter_files(params_file), *_possible_inputs(flatten(simulation))]
     staging = outputs(force, discard_partial, inputs)
     started = time.perf_counter()
     output_files = _output_files(staging, path, form.dataset, simulation, sensors, with_configs)
-    needed = _needed_sensors(sensors, names, form.dataset) | output_files.companions.keys()
+    needed = _needed_sensors(sensors, topic_names, form.dataset) | output_files.companions.keys()
 
+    # Images and scans are rendered in threads; other sensors need none.
     renders = any(sensor.sensor.apart for sensor in sensors.values())
-    with staging.stage(), thread_pool(renderers) if renders else nullcontext() as pool:
+    with staging.stage(), thread_pool(threads) if renders else nullcontext() as pool:
         for truth_file, text in output_files.truths.items():
             truth_file.write_text(text, encoding="utf-8")
-        pose_reader = _pose_reader(motion, skip, journal)
+        pose_reader = _pose_reader(motion, skip_bad_rows, journal)
         body = _body(simulation, pose_reader, motion, needed, pool)
         for line in body.warnings():
             journal.warn(line)
         for line in body.notes():
             journal.note(line)
-        output_form = replace(form, renamed=names)
+        output_form = replace(form, renamed=topic_names)
         messages, samples = _write_samples(
-            body, sensors, needed, output_files, output_form, renderers, journal
+            body, sensors, needed, output_files, output_form, threads, journal
         )
         if output_files.configs is not None:
-            _write_configs(output_files.configs, path.name, body, names, format, journal)
+            _write_configs(output_files.configs, path.name, body, topic_names, format, journal)
         size = _size(output_files.output.path)
     wall_s = time.perf_counter() - started
     return Generated(
@@ -615,12 +616,12 @@ def _write_configs(
     for warning in write_configs(folder, body, topics):
         journal.warn(warning)
     note = body.note_of_scene()
-    fitted = f"\n{note}" if note else ""
+    scene_line = f"\n{note}" if note else ""
     values = values_of(body.parameters)
-    node = set(live_parameter_names(values))
+    live_names = set(live_parameter_names(values))  # without effect on samples
     files.write(
-        {name: value for name, value in values.items() if name not in node},
+        {name: value for name, value in values.items() if name not in live_names},
         folder / "simulation.yaml",
         comment=f"All parameters of {output}:\n"
-        f"generate --params-file simulation.yaml generates the same samples.{fitted}",
+        f"generate --params-file simulation.yaml generates the same samples.{scene_line}",
     )

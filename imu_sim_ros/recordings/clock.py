@@ -405,17 +405,18 @@ class Strip:
         :param longest: so many missing samples are a loss, more are a pause, in which the phase of
             the clock is not unique.
         """
-        if excess > longest + 0.5:
+        if excess > longest + 0.5:  # a pause: the strip starts anew
             self.late = self.low = self.high = 0.0
             return round(excess)
         late = self.late + excess
+        # The limits by earlier stamps loosen, because the phase of the clock drifts.
         low, high = self.low + _DRIFT, self.high - _DRIFT
         lost = 0
-        if late - low > self.width:
+        if late - low > self.width:  # later than rounding can make it: samples are missing
             lost = math.ceil(late - low - self.width)
             late -= lost
             high = max(high - lost, late)
-        if high - late > self.width:
+        if high - late > self.width:  # earlier than rounding can make it: the strip follows
             high = late + self.width
         self.late, self.high = late, max(high, late)
         self.low = max(min(low, late), self.high - self.width)

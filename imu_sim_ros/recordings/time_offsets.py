@@ -339,32 +339,42 @@ class _Pair:
     def half_interval(self, shift: float) -> float:
         """Return half of the 95 % interval [s] of the best shift.
 
-        What other axes and scales explain of the effect of a shift does not count.
+        At the best shift a sum over the windows is zero: the residuals times the derivatives of the
+        explained rates with respect to the shift. Its variance and slope give the interval. The
+        part of a derivative that another mounting matrix explains says nothing about the shift.
         """
         earlier, rates, later = (self._shift(shift + s) for s in self.window * _DIFFERENCE)
         axes, residuals = self._fit(rates)
-        turning = _turn_directions(rates)
-        mounting = turning @ np.linalg.lstsq(rates @ turning, self._rates, rcond=None)[0]
+        directions = _turn_directions(rates)
+        solution = np.linalg.lstsq(rates @ directions, self._rates, rcond=None)[0]
+        mounting = directions @ solution
+        """(3, 3) matrix by which the rates of the gyroscope explain the others."""
 
-        def effect(slopes: Array) -> Array:
-            return np.asarray(slopes - axes @ (axes.T @ slopes))
+        def shift_derivatives(differences: Array, seconds: float) -> Array:
+            """Return derivatives (n, 3) [rad/s^2] outside the axes that the mounting can explain.
+
+            :param differences: (n, 3) change of the gyroscope's rates over so many seconds.
+            """
+            derivatives = differences @ mounting / seconds
+            return np.asarray(derivatives - axes @ (axes.T @ derivatives))
 
         step = 2.0 * self.window * _DIFFERENCE[-1]
-        parts = np.sum(residuals * effect((later - earlier) @ mounting / step), axis=1)
-        # Two slopes of the motion over windows without common time, whose noise is independent.
-        slopes, wide = (
-            effect((self._shift(shift + s) - self._shift(shift - s)) @ mounting / (2.0 * s))
+        parts = np.sum(residuals * shift_derivatives(later - earlier, step), axis=1)
+        # The noise of a single difference would count as motion when it is squared. That of two
+        # differences over windows without common time is independent: their product has no bias.
+        slopes, wide_slopes = (
+            shift_derivatives(self._shift(shift + s) - self._shift(shift - s), 2.0 * s)
             for s in self.window * _BASES
         )
-        information = float(np.sum(slopes * wide))
+        information = float(np.sum(slopes * wide_slopes))
         squares = np.sum(slopes**2, axis=1)
         if information < _LEAST_SIGNAL * float(np.sum(squares)):
             raise UnknownOffsetError("noise of the angular rates hides it")
         t = self._ends[0] - self._ends[0, 0]
         scale = information / max(float(np.sum(squares)), 1e-300)
-        disturbed = self._disturbance / np.sqrt(information / len(t))
-        half = half_interval(t, _taper(t, parts), scale * squares, _CORRELATED)
-        return float(np.hypot(half, disturbed))
+        half_from_noise = half_interval(t, _taper(t, parts), scale * squares, _CORRELATED)
+        half_from_disturbance = self._disturbance / np.sqrt(information / len(t))
+        return float(np.hypot(half_from_noise, half_from_disturbance))
 
 
 def _taper(t: Array, parts: Array) -> Array:

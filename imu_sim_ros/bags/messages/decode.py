@@ -257,10 +257,13 @@ _STATED: Final = "orientation_covariance"
 
 
 def fields_of_gate(type_name: str) -> tuple[str, ...]:
-    """Return the fields of a type of message that the gate looks at; none of most types."""
+    """Return the fields of a type of message that the gate checks; empty for most types.
+
+    The covariance of an orientation only says whether there is one: alone it is not checked.
+    """
     names = [name for name, _, _ in fields(type_name)] if type_name in TYPES else []
-    looked_at = tuple(name for name in names if name in (*_QUANTITIES, _STATED))
-    return looked_at if looked_at != (_STATED,) else ()
+    checked = tuple(name for name in names if name in (*_QUANTITIES, _STATED))
+    return checked if checked != (_STATED,) else ()
 
 
 class MessageGate:

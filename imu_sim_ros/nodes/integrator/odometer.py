@@ -252,9 +252,11 @@ class PathPublisher:
         capacity = int(parameters.path_length * parameters.path_rate) + 1
         self._poses: deque[bytes] = deque(maxlen=capacity)
         self._due_ns = 0.0
+        """Stamp from which the next pose is kept [ns]."""
 
     def add(self, row: LiveState) -> None:
-        """Add a state to the path; most are skipped."""
+        """Add a state to the path if its pose is due; most are skipped."""
+        # Earlier than the interval before: time has gone back, and poses are due again.
         if self._due_ns - self._interval_ns <= row.t_ns < self._due_ns:
             return
         self._due_ns = row.t_ns + self._interval_ns

@@ -84,9 +84,15 @@ class SampleQueue:
         """
         self._make, self._exists = make, exists
         self._made: dict[int, Made] = {}
-        self._next = self._wanted = 0
+        """Messages that wait to be taken, by the number of their sample."""
+        self._next = 0
+        """Number of the next sample to make."""
+        self._wanted = 0
+        """Smallest number that may still be taken."""
         self._run = 0
+        """Count of resets and jumps: messages under way during one are discarded."""
         self._changed = threading.Condition()
+        """Guards the above, and wakes both threads after a change."""
 
     def work(self) -> None:
         """Make messages endlessly."""
@@ -96,7 +102,7 @@ class SampleQueue:
                 number, run_number = self._next, self._run
             messages = self._make(number)
             with self._changed:
-                if run_number == self._run:  # else others are wanted
+                if run_number == self._run:  # else there was a reset meanwhile
                     self._next = number + 1
                     if messages is not None and number >= self._wanted:
                         self._made[number] = messages

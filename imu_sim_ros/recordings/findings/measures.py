@@ -122,7 +122,7 @@ class ReadingMeasures:
         try:
             unchanged = repeated_value_rows(readings.gyro, readings.accel)
             self.clock = estimate_clock(readings.t_ns, unchanged)
-        except InputError as error:  # only whole columns are judged
+        except InputError as error:  # findings that need no rate are still possible
             self.no_clock = str(error)
 
     @property
