@@ -178,7 +178,13 @@ _BYTES: Final = 32
 
 
 def initial_states(seeds: Integers, *sources: str) -> Words:
-    """Return the states (count, 3 m, 4) of :func:`axis_generators` of m sources for each seed."""
+    """Return the states (count, 3 m, 4) of :func:`axis_generators` of m sources for each seed.
+
+    A state of SFC64 is three words, here from the seed, and a counter from 1; rounds of the
+    generator mix them, as NumPy's SFC64 does when it is seeded.
+
+    :param seeds: (count,) seeds of the units.
+    """
     pool = _seed_pool(np.asarray(seeds, np.uint64))[..., None, :]
     a, b, c = np.moveaxis(_seed_words(pool, _axis_hashes(sources)), -1, 0)
     counter = np.ones(a.shape, np.uint64)

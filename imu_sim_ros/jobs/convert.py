@@ -650,7 +650,7 @@ def _named_topic(
     """Return the only named topic of a type; None: no topics are named, or several of the type.
 
     :param topics: topics that are converted.
-    :param selection: names of the topics that the user asks for; empty: ``topics`` are all of the bag.
+    :param selection: names of the topics that the user asks for; empty: all are converted.
     :raises InputError: if topics are named, but none of the type.
     """
     if not selection:

@@ -70,10 +70,12 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         self.output = Path(parameters.output or time.strftime("recording_%Y-%m-%d_%H-%M-%S"))
         problems: list[str] = []
         self._wanted = self._resolve("topics", parameters.topics, problems)
+        """Full names of the topics to record; empty: all that are not excluded."""
         self._excluded = set(self._resolve("exclude", parameters.exclude, problems))
         if problems:
             raise ConfigurationError(problems)
         self._qos: dict[str, QoSProfile] = {}
+        """Quality of service of the subscriptions, by topic."""
         self._types: dict[str, str] = {}
         """Types by the names of the recorded topics."""
         self._other_types: dict[tuple[str, str], MessageCounter | None] = {}
@@ -82,7 +84,9 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         """Reasons by the names of the topics that cannot be recorded."""
         self._stops = TopicStops()
         self._began_at = 0.0
+        """Time at which the limited duration begins [s]; 0: there was no message yet."""
         self._shown = 0
+        """Number of messages in the line of status that is displayed."""
         self._live_line = parameters.status and sys.stderr.isatty()
         self.recording = BagRecording(
             self._open_bag,
