@@ -23,7 +23,7 @@ from imu_sim_ros.bags.rosbag2_reader import SQLITE, Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text.writer import TEXT_SUFFIXES
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.spelling import job_argument
-from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.inputs.rows import open_regular, open_shared
 from imu_sim_ros.inputs.sharing import shared_files
 
 _ROS1: Final = b"#ROSBAG V"
@@ -89,7 +89,7 @@ def _unready(path: Path) -> InputError:
 def _regular(path: Path) -> BinaryIO:
     """Open a file, and name the unfinished one if there is none."""
     try:
-        return open_regular(path)
+        return open_shared(path)
     except InputError as error:
         rest = find_unfinished_output(path)
         hint = f"; {rest} is an unfinished one, {recovery_advice()}" if rest else ""

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import re
@@ -58,6 +59,10 @@ class _OpenFile(Shareable):
         """Return at most some bytes from an offset on; none at the end of the file."""
         return os.pread(self._file.fileno(), size, offset)
 
+    def fileno(self) -> int:
+        """Return the descriptor of the file."""
+        return self._file.fileno()
+
 
 class _View(io.RawIOBase):
     """Binary stream of an open file from its start, with a position of its own."""
@@ -70,6 +75,25 @@ class _View(io.RawIOBase):
     def readable(self) -> bool:
         """Return True."""
         return True
+
+    def fileno(self) -> int:
+        """Return the descriptor of the file, whose own position is not that of the view."""
+        return self._file.fileno()
+
+    def seekable(self) -> bool:
+        """Return True."""
+        return True
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Move to an offset from the start, the position or the end; returns the position."""
+        if whence == os.SEEK_CUR:
+            offset += self._offset
+        elif whence == os.SEEK_END:
+            offset += os.fstat(self.fileno()).st_size
+        if offset < 0:
+            raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+        self._offset = offset
+        return self._offset
 
     def readinto(self, buffer: WriteableBuffer) -> int:
         """Fill a buffer with the bytes that follow; returns their number."""

@@ -5,12 +5,18 @@
 
 import os
 import shutil
+import sys
+from collections import Counter
+from pathlib import Path
 
+import device_logs
 import numpy as np
 import pytest
+import ulog
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.files import open_bag
+from imu_sim_ros.commands import inspect
 from imu_sim_ros.inputs.rows import open_shared, read_text, row_blocks
 from imu_sim_ros.inputs.sharing import open_files_once
 
@@ -110,3 +116,30 @@ def test_a_text_that_changed_is_read_anew(tmp_path):
         for text in ("first", "second text"):
             path.write_text(text)
             assert read_text(path) == text
+
+
+def test_logs_are_opened_once(tmp_path, capsys):
+    """A log is recognised, checked and read from one opening of each of its files."""
+    flight = ims.simulate(imu="lecture", trajectory="figure_eight", rate=100, duration=2.0)
+    paths = [tmp_path / name for name in ("vn.csv", "phone", "phone.zip", "drive", "flight.ulg")]
+    device_logs.vectornav(paths[0], flight)
+    for path, write in ((paths[1], device_logs.sensor_logger), (paths[3], device_logs.kitti)):
+        path.mkdir()
+        write(path, flight)
+    shutil.make_archive(str(paths[1]), "zip", paths[1])
+    ulog.write(paths[4], ulog.flight_topics(flight))
+    counts = Counter()
+
+    def note(event: str, arguments: tuple[object, ...]) -> None:
+        if event == "open" and isinstance(arguments[0], str | os.PathLike):
+            counts[Path(arguments[0])] += 1
+
+    sys.addaudithook(note)
+    for path in paths:
+        if path.suffix == ".ulg":
+            pytest.importorskip("pyulog")
+        files = [file for file in (path, *path.rglob("*")) if file.is_file()]
+        counts.clear()
+        assert inspect.main([str(path), "--json"]) == 0, capsys.readouterr().err
+        assert {counts[file] for file in files} <= {0, 1}, (path, counts)
+        assert sum(counts[file] for file in files), path

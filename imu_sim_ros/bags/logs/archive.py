@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.inputs.rows import open_shared
 
 ZIP_MAGIC: Final = b"PK\x03\x04"
 _DEPTH: Final = 5
@@ -43,7 +43,7 @@ class Archive(AbstractContextManager["Archive"]):
             self.names = tuple(_names_below(path, depth))
         else:
             try:
-                file = self._stack.enter_context(open_regular(path))
+                file = self._stack.enter_context(open_shared(path))
                 self._zip = self._stack.enter_context(zipfile.ZipFile(file))
                 self.names = tuple(
                     entry.filename for entry in self._zip.infolist() if not entry.is_dir()
@@ -87,7 +87,7 @@ class Archive(AbstractContextManager["Archive"]):
         """
         try:
             if self._zip is None:
-                with open_regular(self.path / name) as file:
+                with open_shared(self.path / name) as file:
                     return file.read(size)
             limit = max(_ALWAYS_ALLOWED, _LARGEST_RATIO * os.stat(self.path).st_size)
             if size < 0 and self._zip.getinfo(name).file_size > limit:

@@ -25,7 +25,7 @@ from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.rotation import from_euler
 from imu_sim_ros.core.types import AnyArray, Array, Mask, Times
-from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.inputs.rows import open_regular, open_shared
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def contents(path: Path) -> Contents:
     :raises MissingDependencyError: without pymavlink.
     :raises InputError: for a file that is damaged at its start, or has no known message.
     """
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         is_binary = file.read(len(_HEAD)) == _HEAD
     if is_binary:
         _check_formats(path)

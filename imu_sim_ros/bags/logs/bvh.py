@@ -25,7 +25,7 @@ from imu_sim_ros.core.conventions import AXES
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.rotation import multiply, rotate
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.inputs.rows import open_shared
 
 if TYPE_CHECKING:
     from bvhio import BvhContainer, BvhJoint
@@ -81,7 +81,7 @@ def contents(path: Path) -> Contents:
     :raises MissingDependencyError: without bvhio.
     :raises InputError: for a file without a complete skeleton, or without frames.
     """
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         skeleton = _skeleton(path, file)
         joints = _joints(path, skeleton.Root)
         columns = sum(len(joint.channels) for joint in joints)

@@ -30,7 +30,7 @@ from imu_sim_ros.bags.logs.segments import Segment
 from imu_sim_ros.core.errors import InputError, MissingDependencyError, name_source
 from imu_sim_ros.core.rotation import from_matrix
 from imu_sim_ros.core.types import Array, Mask, Times
-from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.inputs.rows import open_shared
 
 _KEY: Final = 0x50
 """Second byte of a C3D file."""
@@ -103,7 +103,7 @@ def holds(path: Path, magic: bytes) -> bool:
     parameter_block, key = magic[:2]
     if key != _KEY or parameter_block == 0:
         return False
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         file.seek(_BLOCK * (parameter_block - 1))
         parameter_head = file.read(4)
     return len(parameter_head) == 4 and parameter_head[3] in _PROCESSORS

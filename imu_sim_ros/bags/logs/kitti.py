@@ -26,7 +26,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.rotation import from_euler
 from imu_sim_ros.core.types import Array, Times
-from imu_sim_ros.inputs.rows import number_of
+from imu_sim_ros.inputs.rows import number_of, open_shared
 
 MEMORY = 6
 """Memory that reading takes, in sizes of the file."""
@@ -54,7 +54,9 @@ def _folder(path: Path) -> Path | None:
     """Return the folder of the files of a drive; None: it has none of 30 numbers."""
     folder = path / "oxts" if (path / "oxts").is_dir() else path
     for file in sorted((folder / "data").glob("*.txt"))[:1]:
-        if len(file.read_bytes()[: columns.HEAD_BYTES].split()) == len(_FIELDS):
+        with open_shared(file) as content:
+            head = content.read(columns.HEAD_BYTES)
+        if len(head.split()) == len(_FIELDS):
             return folder
     return None
 

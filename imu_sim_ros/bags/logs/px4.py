@@ -31,7 +31,7 @@ from imu_sim_ros.core.conventions import AXES, TRIADS, TRUTH_TOPIC, WORLD_FRAME
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.rotation import to_matrix
 from imu_sim_ros.core.types import AnyArray, Array, Mask, Times
-from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.inputs.rows import open_shared
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 
 if TYPE_CHECKING:
@@ -170,8 +170,8 @@ def _load(path: Path) -> "ULog":
             f"{path}: a ULog file is read by pyulog: pip install pyulog"
         ) from None
     try:
-        with log.capture_output([]):
-            return ULog(str(path), sorted(_NAMES))
+        with log.capture_output([]), open_shared(path) as file:
+            return ULog(file, sorted(_NAMES))
     except (OSError, MemoryError):
         raise
     except Exception as error:  # whatever the library raises for malformed bytes
@@ -184,7 +184,7 @@ def _check_definitions(path: Path) -> None:
 
     :raises InputError: for those, and for a file that ends in its header.
     """
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         if len(file.read(_HEADER_BYTES)) < _HEADER_BYTES:
             raise InputError(f"{path}: a ULog file that ends in its header")
         position = 0
