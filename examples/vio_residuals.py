@@ -27,7 +27,7 @@ from imu_sim_ros.navigation.preintegration import (
     SIZE,
     THETA,
     Preintegration,
-    correct_deltas,
+    corrected,
 )
 
 _EYE = np.eye(3)
@@ -75,7 +75,7 @@ def imu_residual(
     """
     t = pre.duration[:, None]
     g = np.asarray(gravity, dtype=float)
-    deltas = correct_deltas(pre, first.gyro_bias, first.accel_bias)
+    deltas = corrected(pre, first.gyro_bias, first.accel_bias)
     moved = second.position - first.position - first.velocity * t - 0.5 * g * t * t
     moved = rotation.rotate_inverse(first.q_wb, moved)
     gained = rotation.rotate_inverse(first.q_wb, second.velocity - first.velocity - g * t)

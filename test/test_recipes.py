@@ -674,10 +674,10 @@ def test_an_option_of_a_job_that_writes(copy: Copy) -> None:
             "    :param force: replace what exists, but never",
         ),
         (
-            "    simulation = load_simulator(layers, problems=problems)\n",
-            '    arguments.number("hold", hold, "seconds, from 0 to 9", 0.0, 9.0)\n'
-            '    layers["trajectory.lead_in.rest"] = hold\n'
-            "    simulation = load_simulator(layers, problems=problems)\n",
+            "        simulation = load_simulator(values, problems=problems)\n",
+            '        arguments.number("hold", hold, "seconds, from 0 to 9", 0.0, 9.0)\n'
+            '        values["trajectory.lead_in.rest"] = hold\n'
+            "        simulation = load_simulator(values, problems=problems)\n",
         ),
     )
     option = 'hold: Annotated[float, "TIME", OUTPUT] = 0.0'

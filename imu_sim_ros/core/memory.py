@@ -4,7 +4,7 @@
 """Memory of arrays as long as a recording."""
 
 import ctypes
-from contextlib import suppress
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -21,8 +21,15 @@ def release_memory() -> None:
     The C library keeps what lies between other blocks: of a long record, several times the memory
     of a column.
     """
-    with suppress(AttributeError):  # a function of glibc
-        ctypes.CDLL(None).malloc_trim(0)
+    library = _c_library()
+    if hasattr(library, "malloc_trim"):  # a function of glibc
+        library.malloc_trim(0)
+
+
+@cache
+def _c_library() -> ctypes.CDLL:
+    """Return the C library; each object of it is a cycle of references, which would stay."""
+    return ctypes.CDLL(None)
 
 
 def join(parts: list[AnyArray]) -> AnyArray:

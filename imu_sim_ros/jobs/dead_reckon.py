@@ -359,7 +359,8 @@ def _prepare(
         )
     if recording.truth is not None and not isinstance(readings, Flight):
         DEAD_RECKON.judge(pose_findings(recording.truth), warn)
-    release_memory()
+    if not isinstance(readings, Flight):
+        release_memory()
     recording = recording.after(skip)
     prefix = f"{readings}: " if isinstance(readings, str | PathLike) else ""
     for note in (*world.notes, *settings.warnings()):
@@ -506,7 +507,7 @@ def initial_condition(
         state = state_at(truth.in_order(), start_ns)
         position, yaw = state.position, float(to_euler(state.q_wb)[2])
     gyro, accel = readings.rows(rest).triads()
-    initial = initialisation.initial_from_rest(
+    initial = initialisation.from_rest(
         settings, gyro, accel, position=position, yaw=yaw, noise=noise
     )
     after_rest = recording.rows(slice(rest.stop - 1, None))

@@ -17,7 +17,7 @@ from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import judge_readings
-from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, interpolate_readings
+from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
 from imu_sim_ros.navigation.stepper import check_readings
 from imu_sim_ros.recordings.findings.policy import PREINTEGRATE
@@ -87,7 +87,7 @@ def preintegrate(
     edges = stamps("edges_ns", edges_ns)
     max_gap = gap_length(max_gap, READINGS_GAP, imu.t_ns)
     gyro, accel = imu.triads()
-    pieces = interpolate_readings(imu.t_ns, gyro, accel, edges)
+    pieces = between(imu.t_ns, gyro, accel, edges)
     begin, end = np.searchsorted(imu.t_ns, [edges[0], edges[-1]])
     used = slice(max(begin - 1, 0), end + 1)
     check_readings(imu.t_ns[used], gyro[used], accel[used], max_gap)

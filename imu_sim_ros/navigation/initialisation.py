@@ -176,9 +176,9 @@ class Initial(NamedTuple):
     """(3,) rate of the body relative to the world [rad/s]; None: that of the readings."""
 
 
-def initial_from_parameters(parameters: IntegratorParameters) -> Initial:
+def from_parameters(parameters: IntegratorParameters) -> Initial:
     """Return the start at :func:`parameter_state`."""
-    return initial_from_state(parameters, parameter_state(parameters))
+    return from_state(parameters, parameter_state(parameters))
 
 
 def parameter_state(parameters: IntegratorParameters) -> NavigationState:
@@ -190,7 +190,7 @@ def parameter_state(parameters: IntegratorParameters) -> NavigationState:
     )
 
 
-def initial_from_state(
+def from_state(
     parameters: IntegratorParameters, state: NavigationState, rate: Array | None = None
 ) -> Initial:
     """Return the start at a known state, such as the truth's; the sensor's biases are not known.
@@ -237,7 +237,7 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
     )
 
 
-def initial_from_rest(
+def from_rest(
     parameters: IntegratorParameters,
     gyro: ArrayLike,
     accel: ArrayLike,

@@ -33,9 +33,7 @@ class StepReadings(NamedTuple):
     """(B, m + 1, 3) specific forces at the ends of the steps [m/s^2]."""
 
 
-def interpolate_readings(
-    t_ns: Integers, gyro: Array, accel: Array, edges_ns: ArrayLike
-) -> StepReadings:
+def between(t_ns: Integers, gyro: Array, accel: Array, edges_ns: ArrayLike) -> StepReadings:
     """Return the readings between neighbouring times; at these, readings are interpolated.
 
     :param t_ns: (n,) stamps [ns], increasing.
@@ -386,7 +384,7 @@ class Deltas(NamedTuple):
     """(B, 4) attitudes of the ends in the frames of the starts, unit quaternions."""
 
 
-def correct_deltas(pre: Preintegration, gyro_bias: ArrayLike, accel_bias: ArrayLike) -> Deltas:
+def corrected(pre: Preintegration, gyro_bias: ArrayLike, accel_bias: ArrayLike) -> Deltas:
     """Return alpha, beta and gamma at other biases, to first order (Forster eq. 44).
 
     :param gyro_bias: (B, 3) or (3,) [rad/s].

@@ -84,7 +84,7 @@ def test_the_bias_found_at_rest_makes_the_corrected_rate_zero():
     """Whatever was known before, the mean of the corrected readings is that of a body at rest."""
     chosen, readings = parameters(), record()
     rest = initialisation.rest_rows(chosen, readings.t_ns)
-    initial = initialisation.initial_from_rest(chosen, readings.gyro[rest], readings.accel[rest])
+    initial = initialisation.from_rest(chosen, readings.gyro[rest], readings.accel[rest])
     rate, force = initial.correction.apply(readings.gyro[rest], readings.accel[rest])
     np.testing.assert_allclose(rate.mean(axis=0), 0.0, atol=1e-15)
     up = rotation.rotate(initial.state.q_wb, force.mean(axis=0))
@@ -95,7 +95,7 @@ def test_the_turning_of_the_earth_is_no_bias():
     earth_rate = [0.0, 4e-5, 6e-5]
     chosen = parameters(earth_rate=earth_rate)
     readings = record()
-    initial = initialisation.initial_from_rest(chosen, readings.gyro, readings.accel)
+    initial = initialisation.from_rest(chosen, readings.gyro, readings.accel)
     rate, _ = initial.correction.apply(readings.gyro, readings.accel)
     start_state = rotation.rotate(initial.state.q_wb, rate.mean(axis=0))
     np.testing.assert_allclose(start_state, earth_rate, atol=1e-15)
@@ -105,7 +105,7 @@ def test_readings_that_are_not_finite_are_passed_over():
     chosen, readings = parameters(), record()
     readings.gyro[3] = np.nan
     readings.accel[5] = np.inf
-    initial = initialisation.initial_from_rest(chosen, readings.gyro, readings.accel)
+    initial = initialisation.from_rest(chosen, readings.gyro, readings.accel)
     assert np.isfinite(np.concatenate(initial.state)).all()
     assert np.isfinite(initial.correction.gyroscope_bias).all()
 

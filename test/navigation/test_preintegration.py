@@ -15,8 +15,8 @@ from imu_sim_ros.navigation.preintegration import (
     METHODS,
     THETA,
     StepReadings,
-    correct_deltas,
-    interpolate_readings,
+    between,
+    corrected,
     preintegrate,
 )
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
@@ -42,7 +42,7 @@ SECOND = 1_000_000_000
 def readings(record):
     motion = record("excitation", 200.0, 3.0)
     edges = motion.t_ns[0] + np.array([0, SECOND, 1.4 * SECOND, 3 * SECOND]).astype(np.int64)
-    return interpolate_readings(motion.t_ns, motion.gyro, motion.accel, edges)
+    return between(motion.t_ns, motion.gyro, motion.accel, edges)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -50,7 +50,7 @@ def test_it_is_dead_reckoning_without_start_and_gravity(record, method):
     motion = record("lecture", 200.0, 1.0)
     arguments = (motion.t_ns, motion.gyro, motion.accel)
     states = dead_reckon(*arguments, AT_REST, method, gravity=(0.0, 0.0, 0.0))
-    pre = preintegrate(interpolate_readings(*arguments, motion.t_ns[[0, -1]]), method=method)
+    pre = preintegrate(between(*arguments, motion.t_ns[[0, -1]]), method=method)
     np.testing.assert_allclose(pre.alpha[0], states.position[-1], atol=1e-12)
     np.testing.assert_allclose(pre.beta[0], states.velocity[-1], atol=1e-12)
     np.testing.assert_allclose(pre.gamma[0], states.q_wb[-1], atol=1e-13)
@@ -78,8 +78,8 @@ def test_readings_are_interpolated_at_the_edges(record):
     arguments = (motion.t_ns, motion.gyro, motion.accel)
     start, end = motion.t_ns[[0, -1]]
     middle = start + 333_333_333
-    expected = preintegrate(interpolate_readings(*arguments, [start, end]))
-    parts = preintegrate(interpolate_readings(*arguments, [start, middle, end]))
+    expected = preintegrate(between(*arguments, [start, end]))
+    parts = preintegrate(between(*arguments, [start, middle, end]))
     gamma = rotation.multiply(parts.gamma[0], parts.gamma[1])
     first_rotation = rotation.to_matrix(parts.gamma[0])
     beta = parts.beta[0] + first_rotation @ parts.beta[1]
@@ -167,7 +167,7 @@ def test_the_correction_for_a_bias_is_of_first_order(readings):
     gyro_bias = np.array([[1e-3, -2e-3, 1e-3], [0.02, 0.0, 0.0], [0.0, 0.0, 0.0]])
     accel_bias = np.array([[0.02, 0.01, 0.03], [0.0, 0.0, 0.0], [0.0, 0.2, 0.0]])
     exact = preintegrate(readings, ADIS16448, gyro_bias, accel_bias)
-    first_order = correct_deltas(pre, gyro_bias, accel_bias)
+    first_order = corrected(pre, gyro_bias, accel_bias)
     # What first order leaves is of second order: |db T|^2 of the quantity itself.
     assert np.abs(first_order.alpha[0] - exact.alpha[0]).max() < 1e-5 * 10
     assert np.abs(pre.alpha[0] - exact.alpha[0]).max() > 5e-3
@@ -191,11 +191,11 @@ def test_bad_intervals_and_methods_are_refused(record):
     motion = record("lecture", 100.0, 1.0)
     arguments = (motion.t_ns, motion.gyro, motion.accel)
     with pytest.raises(InputError, match="must increase, two or more"):
-        interpolate_readings(*arguments, motion.t_ns[[3, 3]])
+        between(*arguments, motion.t_ns[[3, 3]])
     with pytest.raises(InputError, match="needs readings over all of it"):
-        interpolate_readings(*arguments, [motion.t_ns[0], motion.t_ns[-1] + 1])
+        between(*arguments, [motion.t_ns[0], motion.t_ns[-1] + 1])
     with pytest.raises(ConfigurationError, match="method = 'rk4': must be one of euler, midpoint"):
-        preintegrate(interpolate_readings(*arguments, motion.t_ns[[0, -1]]), method="rk4")
+        preintegrate(between(*arguments, motion.t_ns[[0, -1]]), method="rk4")
 
 
 # Oracle: gtsam's PreintegratedImuMeasurements. Its manifold form is the Euler form with the
@@ -228,7 +228,7 @@ COMBINED = "PreintegratedCombinedMeasurementsManifold"
 
 def whole_interval(motion, **options):
     edges = motion.t_ns[[0, -1]]
-    readings = interpolate_readings(motion.t_ns, motion.gyro, motion.accel, edges)
+    readings = between(motion.t_ns, motion.gyro, motion.accel, edges)
     return preintegrate(readings, ADIS16448, 0.01, 0.1, **options)
 
 
@@ -249,9 +249,7 @@ def test_midpoint_form_differs_from_the_truth_by_second_order(record, motions):
     differences = []
     for rate in rates:
         motion = record("excitation", rate, 1.9)
-        pre = preintegrate(
-            interpolate_readings(motion.t_ns, motion.gyro, motion.accel, motion.t_ns[[0, -1]])
-        )
+        pre = preintegrate(between(motion.t_ns, motion.gyro, motion.accel, motion.t_ns[[0, -1]]))
         measured = gtsam_measurements(
             MANIFOLD, motion.t_ns, motion.gyro, motion.accel, biases=(0.0, 0.0)
         )
@@ -291,7 +289,7 @@ def test_covariance_equals_gtsam(record, method):
     no_walk = TriadsParameters(
         *(dataclasses.replace(triad, random_walk=np.zeros(3)) for triad in triads)
     )
-    readings = interpolate_readings(motion.t_ns, motion.gyro, motion.accel, motion.t_ns[[0, -1]])
+    readings = between(motion.t_ns, motion.gyro, motion.accel, motion.t_ns[[0, -1]])
     ours = as_gtsam(preintegrate(readings, no_walk, 0.01, 0.1, method))[:9, :9]
     assert_close_covariance(ours, measured.preintMeasCov(), 1e-9 if method == "euler" else 0.01)
 

@@ -54,14 +54,12 @@ def mean_nees(settings, trajectory, runs, duration):
             "position": truth.position[0],
             "yaw": float(rotation.to_euler(truth.q_wb[0])[2]),
         }
-        start = initialisation.initial_from_rest(
+        start = initialisation.from_rest(
             integrator, gyro[: rest + 1], accel[: rest + 1], **true_errors
         )
         if not seed:  # what is expected of all runs: along the truth, from the true attitude on
             ideal = block.ideal_gyro[: rest + 1], block.ideal_accel[: rest + 1]
-            covariance = initialisation.initial_from_rest(
-                integrator, *ideal, **true_errors
-            ).covariance
+            covariance = initialisation.from_rest(integrator, *ideal, **true_errors).covariance
             predicted = propagate(truth, block.ideal_accel[rest:], integrator.imu, covariance)[0]
         states = dead_reckon(
             truth.t_ns, gyro[rest:], accel[rest:], start.state, correction=start.correction

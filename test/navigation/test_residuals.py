@@ -12,7 +12,7 @@ from examples.vio_residuals import (
     reprojection_residual,
 )
 from imu_sim_ros.core import rotation
-from imu_sim_ros.navigation.preintegration import interpolate_readings, preintegrate
+from imu_sim_ros.navigation.preintegration import between, preintegrate
 
 GRAVITY = (0.0, 0.0, -9.81)
 SECOND = 1_000_000_000
@@ -23,9 +23,7 @@ def pair(record):
     """Return five preintegrated intervals and their states, whose biases are others."""
     motion = record("excitation", 200.0, 2.0)
     edges = motion.t_ns[[0, 60, 140, 250, 330, 400]]
-    pre = preintegrate(
-        interpolate_readings(motion.t_ns, motion.gyro, motion.accel, edges), None, 1e-3, 1e-2
-    )
+    pre = preintegrate(between(motion.t_ns, motion.gyro, motion.accel, edges), None, 1e-3, 1e-2)
     rows = np.array([0, 60, 140, 250, 330, 400])
     rng = np.random.default_rng(8)
 
@@ -72,7 +70,7 @@ def test_imu_jacobians_are_the_derivatives(pair, side):
 def test_true_states_have_no_residual(record):
     motion = record("lecture", 1000.0, 1.0)
     edges = motion.t_ns[[0, 500, 1000]]
-    pre = preintegrate(interpolate_readings(motion.t_ns, motion.gyro, motion.accel, edges))
+    pre = preintegrate(between(motion.t_ns, motion.gyro, motion.accel, edges))
     rows = np.array([0, 500, 1000])
     zero = np.zeros((3, 3))
     truth = motion.truth

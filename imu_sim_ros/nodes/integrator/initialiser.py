@@ -70,7 +70,7 @@ class _FromParameters:
 
     def add_reading(self, reading: LiveReading) -> Start | None:
         """Return the start: the first reading is enough."""
-        return Start(initialisation.initial_from_parameters(self._parameters), [reading])
+        return Start(initialisation.from_parameters(self._parameters), [reading])
 
     def add_truth(self, truth: LiveState) -> Start | None:
         """Ignore the truth."""
@@ -119,7 +119,7 @@ class _FromTruth:
             return None
         rate = np.array(truths[0].angular_velocity_b)
         state = _extrapolate(truths[0], t_ns)
-        initial = initialisation.initial_from_state(self._parameters, state, rate)
+        initial = initialisation.from_state(self._parameters, state, rate)
         return Start(initial, list(readings), truths[0].frames)
 
 
@@ -149,7 +149,7 @@ class _FromRest:
         gyro = [reading.gyro for reading in readings]
         accel = [reading.accel for reading in readings]
         try:
-            return Start(initialisation.initial_from_rest(parameters, gyro, accel), [reading])
+            return Start(initialisation.from_rest(parameters, gyro, accel), [reading])
         except InputError as error:
             self._complain(str(error))
             self._readings = []
