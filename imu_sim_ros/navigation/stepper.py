@@ -177,7 +177,8 @@ class Stepper:
         :param gyro: angular rate as read [rad/s].
         :param accel: specific force as read [m/s^2].
         """
-        rate, force = gyro, accel
+        # Copies: readings are the start of the next step, and a caller may reuse its arrays.
+        rate, force = (*gyro,), (*accel,)
         if self.correction is not NO_CORRECTION:
             rate, force = self.correction.correct(gyro, accel)
         stepped = False

@@ -25,6 +25,17 @@ def test_first_reading_starts_the_clock():
     assert stepper.add(20 * MS, STILL, LEVEL)
 
 
+def test_a_caller_may_reuse_the_arrays_of_a_reading():
+    """With Euler's method, a step has the reading at its start."""
+    stepper, rate, force = Stepper(AT_REST, "euler"), np.zeros(3), np.array(LEVEL)
+    stepper.add(0, rate, force)
+    rate += 1.0
+    force += 1.0
+    stepper.add(10 * MS, rate, force)
+    assert stepper.state.q_wb.tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert stepper.state.velocity == pytest.approx([0.0, 0.0, 0.0])
+
+
 def test_duplicates_steps_back_and_gaps_are_counted_and_passed_over():
     stepper = Stepper(AT_REST, max_gap=0.1)
     moving = (1.0, 0.0, 9.81)
