@@ -212,8 +212,8 @@ def test_a_gap_is_not_bridged(rest):
     keep = np.ones(len(rest.t_ns), dtype=bool)
     keep[14000:16000] = False
     rest.accel[16000:] += 3.0
-    result = analyse([rest.hold_axes(1, 2).blocks(keep=keep)])
-    assert_true_noise(result, (0, 3, 4, 5))
+    result = analyse([rest.blocks(keep=keep)])
+    assert_true_noise(result)
     assert result.timing.gaps == 1
     assert result.timing.longest_gap == pytest.approx(20.01, abs=0.02)
     assert says(result, "1 gaps")
@@ -294,10 +294,10 @@ def test_readings_in_batches_are_spread(two_axes):
     assert says(result, "readings share a stamp, 8 of them")
 
 
-def test_a_bump_is_cut_out_and_named(two_axes):
-    two_axes.gyro[15000:15050, 0] += 1.0
-    result = analyse([two_axes.blocks()])
-    assert_true_noise(result, TWO)
+def test_a_bump_is_cut_out_and_named(rest):
+    rest.gyro[15000:15050] += 1.0
+    result = analyse([rest.blocks()])
+    assert_true_noise(result)
     assert says(result, "disturbance cut out at 150 s: gyroscope x")
     assert 290.0 < result.duration < 299.0
 
@@ -311,7 +311,7 @@ def test_a_shift_of_level_splits_the_record(two_axes):
 
 
 def test_saturation_is_told(rest):
-    rest.hold_axes(1, 3, 4).gyro = np.clip(rest.gyro, -0.5, 0.034)
+    rest.gyro = np.clip(rest.gyro, -0.5, 0.034)
     assert says(analyse([rest.blocks()]), "gyroscope z") is False
     result = analyse([rest.blocks()], force=True)
     assert says(result, "are 0.034: saturated")
@@ -342,10 +342,10 @@ def test_a_low_pass_filter_does_not_spoil_the_density(order, cutoff):
 
 def test_a_vibration_line_is_left_out(rest):
     t = (rest.t_ns - rest.t_ns[0]) * 1e-9
-    rest.hold_axes(1, 2, 3).accel[:, 1] += 0.1 * np.sin(2.0 * np.pi * 23.4 * t)
+    rest.accel[:, 1] += 0.1 * np.sin(2.0 * np.pi * 23.4 * t)
     result = analyse([rest.blocks()])
     assert says(result, "accelerometer y: vibration at 23.")
-    assert_true_noise(result, (0, 4, 5))
+    assert_true_noise(result)
 
 
 @pytest.mark.parametrize(
@@ -369,16 +369,16 @@ def test_what_makes_an_analysis_meaningless(rest, change, message):
 def test_a_constant_rate_is_a_warning(rest):
     """A consumer gyroscope's turn-on bias may be as large as that of a turning table."""
     rest.gyro += [0.0, 0.0, 1.0]
-    result = analyse([rest.hold_axes(1, 3, 4).blocks()])
+    result = analyse([rest.blocks()])
     assert says(result, "gyroscope z: its mean is 0.99 rad/s")
-    assert_true_noise(result, (0, 2, 5))
+    assert_true_noise(result)
 
 
 def test_a_strong_random_walk_is_no_motion():
     """K = 3e-3 m/s^3/sqrt(Hz), EuRoC's ADIS16448: 0.05 m/s^2 within four minutes."""
     from .conftest import Rest
 
-    rest = Rest(seconds=1200.0, rate=50.0).hold_axes(0, 1)
+    rest = Rest(seconds=1200.0)
     steps = np.random.default_rng(8).standard_normal(rest.accel.shape)
     rest.accel += 3e-3 / np.sqrt(rest.rate) * np.cumsum(steps, axis=0)
     result = analyse([rest.blocks()])
