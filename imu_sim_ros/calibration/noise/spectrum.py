@@ -160,9 +160,10 @@ class _Averages:
             self._file.seek(start)
             if self._file.write(content) < len(content):
                 raise OSError
-        except OSError:  # the disk is full: the rest stays in memory, too
-            self._file.seek(0)
-            self._file = io.BytesIO(self._file.read(start))
+        except OSError:  # the disk is full: the averages stay in memory, and free their place
+            with self._file as file:
+                file.seek(0)
+                self._file = io.BytesIO(file.read(start))
             self._file.seek(start)
             self._file.write(content)
         self._sizes.append(averages.shape[1])
