@@ -188,7 +188,7 @@ class _Transition:
         self._layout.pack_into(self._memory, 0, *_transition_entries(h, r_wb, force_b))
 
 
-class _Propagated:
+class _JointProduct:
     """Memory of the product F [P C] (15, 15 + m) of a step, and views of its parts."""
 
     def __init__(self, width: int) -> None:
@@ -214,7 +214,7 @@ def _attitude_and_rate_places(rate_errors: Integers, width: int) -> Integers:
     :param rate_errors: (n - 6,) indices of the gyroscope's errors among the slow errors.
     :param width: 15 + m, the number of columns of [P C].
     """
-    errors = (0, 1, 2, 9, 10, 11, *(SIZE + rate_errors))
+    errors = np.r_[ATTITUDE, GYRO_BIAS, SIZE + rate_errors]
     rows, columns = np.meshgrid(errors[:6], errors, indexing="ij")
     # P of a bias with the attitude is taken from above the diagonal.
     lower = (rows >= GYRO_BIAS.start) & (columns < ATTITUDE.stop)
@@ -245,7 +245,7 @@ class Covariance:
             self.matrix[:] = initial
         if cross is not None:
             self.slow.cross[:] = cross
-        self._transition, self._propagated = _Transition(width), _Propagated(width)
+        self._transition, self._product = _Transition(width), _JointProduct(width)
         self._half = np.empty((SIZE, SIZE))
         """Memory of half the propagated P, before its transpose is added."""
         self._white = _WhiteNoise(noise)
@@ -312,22 +312,22 @@ class Covariance:
 
         All products are written into memory that exists already: this runs once per reading.
         """
-        transition, propagated = self._transition, self._propagated
+        transition, product = self._transition, self._product
         p, slow = self.matrix, self.slow
         transition.set(h, r_wb, force_b)
-        joint = transition.from_errors.dot(self._joint, propagated.matrix)  # F [P C]
+        joint = transition.from_errors.dot(self._joint, product.matrix)  # F [P C]
         if slow:
             # With G H the transition of the slow errors, whose covariance is I, P becomes
             # F P F^T + F C (G H)^T + G H (F C)^T + G H (G H)^T. That is B + B^T with
             # B = [F P / 2, F C + G H / 2] [F, G H]^T, and C becomes F C + G H, decayed.
             half_gain = slow.act(transition.from_bias, rate_b, force_b)
             np.add(half_gain, half_gain, transition.from_slow)
-            propagated.errors *= 0.5
-            propagated.slow_of_motion += half_gain
+            product.errors *= 0.5
+            product.slow_of_motion += half_gain
             half = joint.dot(transition.transposed, self._half)
             np.add(half, half.T, p)
-            propagated.slow_of_motion += half_gain
-            slow.decay_over(h, propagated.slow)
+            product.slow_of_motion += half_gain
+            slow.decay_over(h, product.slow)
         else:
             joint.dot(transition.transposed, p)
         self._white.add_to(p, self._diagonal, h, transition.from_bias)
