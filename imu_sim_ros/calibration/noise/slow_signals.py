@@ -403,9 +403,9 @@ class _Search:
         self._n, self._last = n, highest * n
         """Number of values, and number of periods of the fastest line in the record."""
         self._order = np.arange(1, min(int(2.0 * self._last) + 2, n))
+        """(m,) indices of the coefficients; index k has k / 2 periods in the record."""
         self.count = len(self._order)
         """Number m of coefficients that are compared."""
-        """(m,) indices of the coefficients; index k has k / 2 periods in the record."""
         self._ramp = self._transform(np.arange(n) / n)[self._order]
         """(m,) coefficients of a ramp from 0 to 1."""
         single_count = min(_SINGLE, self.count)

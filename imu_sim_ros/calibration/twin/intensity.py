@@ -319,7 +319,7 @@ def remove_disturbances(
 
     :param parts: rows of the pieces without a gap.
     :param rate: samples per second [Hz].
-    :param low: lower end of the range, ``high`` the upper end [Hz].
+    :param low, high: the range ``low <= f < high`` [Hz].
     """
     band = filter_band(values, parts, rate, low, high)
     size = max(round(_WINDOW * rate), 2)
