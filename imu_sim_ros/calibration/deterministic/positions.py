@@ -102,14 +102,14 @@ def _select_model(steady: Steady, gravity: float, simple: bool, fixture: str) ->
     if fixture == EXACT or simple:
         return _solve_exactly(steady, gravity, "as asked for", simple=simple)
     if fixture == NORM:
-        return _fit_norm(fit_norm(steady, gravity), steady, "as asked for")
+        return _norm_result(fit_norm(steady, gravity), steady, "as asked for")
     if not is_determined(steady.accel):
         return _solve_exactly(steady, gravity, _UNTESTED)
     try:
         exact = _solve_exactly(steady, gravity, _NO_RESIDUALS)
     except InputError:
         norm = fit_norm(steady, gravity)
-        return _fit_norm(norm, steady, "not every axis rests pointing up and down")
+        return _norm_result(norm, steady, "not every axis rests pointing up and down")
     if not exact.scale_misalignment_sigma.any():  # a ratio of rounding to rounding says nothing
         return exact
     norm = fit_norm(steady, gravity)
@@ -117,7 +117,7 @@ def _select_model(steady: Steady, gravity: float, simple: bool, fixture: str) ->
     text = f"eq. 7 leaves {ratio:.3g} times the variance that the norm leaves"
     if ratio <= limit:
         return exact._replace(reason=f"{text}; up to {limit:.3g} is chance")
-    return _fit_norm(
+    return _norm_result(
         norm, steady, f"{text}; more than {limit:.3g} is not chance: the fixture is tilted"
     )
 
@@ -143,7 +143,7 @@ def _variance_ratio(exact: SixPosition, norm: NormFit, rests: int) -> tuple[floa
     return ratio, float(fdtri(*freedom, 1.0 - _CHANCE))
 
 
-def _fit_norm(norm: NormFit, steady: Steady, reason: str) -> SixPosition:
+def _norm_result(norm: NormFit, steady: Steady, reason: str) -> SixPosition:
     """Return the result of a fit of the norm."""
     gyro = [
         fit_axis(observations(steady, norm.force, steady.gyro, steady.gyro_sigma, k))

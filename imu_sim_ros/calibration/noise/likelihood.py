@@ -172,7 +172,7 @@ class _Objective:
         self._data, self._slope = data, slope
         self._estimated = np.isnan(slope)
         self._any_estimated = bool(self._estimated.any())
-        self._integrated = restricted and self._any_estimated
+        self._restricted = restricted
         if not self._any_estimated:
             self._power = data.without_trend(slope)
 
@@ -190,7 +190,7 @@ class _Objective:
         slopes = np.where(self._estimated, (weighted @ data.amplitude) / norm, self._slope)
         power = data.without_trend(slopes)
         objective = 0.5 * ((np.log(expected) + power * inverse) @ data.freedom)
-        if self._integrated:
+        if self._restricted:
             objective = objective + np.where(self._estimated, 0.5 * np.log(norm), 0.0)
             hidden = np.where(self._estimated, 1.0 / norm, 0.0)
             power = power + hidden[:, None] * data.trend**2
