@@ -170,8 +170,8 @@ def _values(where: str, content: object) -> list[object]:
         return values
     raise ConfigurationError(
         f"{where} = {short_repr(content)}: must be a list of values, "
-        f"{{range: [first, last, count]}}, "
-        "{log_range: [first, last, count]} or {zip: {name: values, ...}}"
+        "{range: [first, last, count]}, {log_range: [first, last, count]} "
+        "or {zip: {name: values, ...}}"
     )
 
 

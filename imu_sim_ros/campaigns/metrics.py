@@ -121,15 +121,13 @@ def parse_custom(content: object, reserved: Collection[str]) -> dict[str, Better
         if not re.fullmatch(r"[A-Za-z]\w{0,63}", str(name)) or str(name) in reserved:
             problems.append(
                 f"metrics: {short_repr(name)}: a name may contain letters, digits and _ only, at "
-                "most "
-                "64, and must not be another metric's"
+                "most 64, and must not be another metric's"
             )
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if value not in (LOWER, HIGHER) and not (number and np.isfinite(value)):
             problems.append(
                 f"metrics.{name} = {short_repr(value)}: must be lower, higher, or the number near "
-                "which "
-                "values are best"
+                "which values are best"
             )
     if problems:
         raise ConfigurationError(problems)

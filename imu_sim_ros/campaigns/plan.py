@@ -496,8 +496,7 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
         if not _NAME.fullmatch(str(name)):
             problems.append(
                 f"estimators: {short_repr(name)}: a name may contain letters, digits, _, ., + and "
-                "- "
-                "only, and at most 64 characters"
+                "- only, and at most 64 characters"
             )
             continue
         with problems.collect(prefix=f"estimators.{name}: "):

@@ -61,8 +61,7 @@ def gimbal_lock(seconds: float) -> InputError:
     """
     return InputError(
         f"{argument_prefix('euler_angles')}: the pitch is near gimbal lock at 90 degrees, "
-        f"{seconds:.6g} s "
-        "after the first reading; use so3 or quaternion"
+        f"{seconds:.6g} s after the first reading; use so3 or quaternion"
     )
 
 

@@ -232,8 +232,7 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
         longest = max(longest, int(piece[-1] - piece[0]))
     raise InputError(
         f"{argument_prefix('level_time', f'{parameters.level_time:g}')}: the readings without a "
-        "gap last "
-        f"only {longest * 1e-9:.6g} s"
+        f"gap last only {longest * 1e-9:.6g} s"
     )
 
 

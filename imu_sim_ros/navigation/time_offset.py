@@ -8,12 +8,12 @@ one at which ``J = ln sum |dp|^2 + ln sum |dtheta|^2`` of their differences is s
 interval is that of an estimating equation, J's slope.
 """
 
-import math
 from typing import Final
 
 import numpy as np
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.blocks import ceil_divide
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.spelling import argument_prefix
@@ -57,14 +57,12 @@ def time_offset(
     if np.median(costs) - costs.min() < 2.0 * np.log(_SHARPNESS):
         raise InputError(
             f"{argument_prefix('time_offset')}: the motion does not reveal a time offset, because "
-            "it looks "
-            "the same at any; changes of speed or direction reveal it"
+            "it looks the same at any; changes of speed or direction reveal it"
         )
     if abs(best) > LARGEST - 1.5 * _STEPS[0]:
         raise InputError(
             f"{argument_prefix('time_offset')}: no time offset within {LARGEST:g} s brings "
-            "estimate and "
-            "truth together"
+            "estimate and truth together"
         )
     for step in _STEPS[1:]:
         offsets = best + step * np.arange(-10, 11)
@@ -79,8 +77,8 @@ def time_offset(
     if half > _DOUBTFUL:
         raise InputError(
             f"{argument_prefix('time_offset')}: the motion does not determine the time offset: "
-            f"{1e3 * best:.1f} ms is "
-            f"known to {1e3 * half:.2g} ms (95 %); changes of speed or direction reveal it"
+            f"{1e3 * best:.1f} ms is known to {1e3 * half:.2g} ms (95 %); "
+            "changes of speed or direction reveal it"
         )
     return OffsetInterval(best, best - half, best + half)
 
@@ -163,11 +161,10 @@ def _pairs(estimate: States, truth: States, max_gap: float) -> _Pairs:
     if len(start) < _LEAST_PAIRS:
         raise InputError(
             f"{argument_prefix('time_offset')}: estimate and truth have too little time in common; "
-            "the "
-            f"truth has to reach {LARGEST:g} s beyond {_LEAST_PAIRS} poses of the estimate on "
+            f"the truth has to reach {LARGEST:g} s beyond {_LEAST_PAIRS} poses of the estimate on "
             "either side"
         )
-    start = start[:: math.ceil(len(start) / _PAIRS)]
+    start = start[:: ceil_divide(len(start), _PAIRS)]
     return _Pairs(estimate, truth, rows[start], rows[behind[start]])
 
 

@@ -15,9 +15,8 @@ def test_each_further_subscription_begins_the_wait_again():
     assert not settling.has_settled([1, 0, 0], 10.0)
     assert not settling.has_settled([1, 0, 0], 10.2)
     assert not settling.has_settled([1, 1, 0], 10.25)  # a recorder takes its second topic
-    assert not settling.has_settled(
-        [1, 1, 0], 10.5
-    )  # 0.5 s after the first, 0.25 s after the second
+    # 0.5 s after the first, 0.25 s after the second.
+    assert not settling.has_settled([1, 1, 0], 10.5)
     assert not settling.has_settled([1, 1, 1], 10.54)
     assert not settling.has_settled([1, 1, 1], 10.8)
     assert settling.has_settled([1, 1, 1], 10.85)
