@@ -164,8 +164,7 @@ class MovingBody(NamedTuple):
 
 def ball(where: Surfaces) -> tuple[Array, float]:
     """Return middle (3,) and radius [m] of a ball around all rectangles."""
-    origin, across, up = where.origin, where.across, where.up
-    corners = np.concatenate([origin, origin + across, origin + up, origin + across + up])
+    corners = where.corners.reshape(-1, 3)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     return middle, float(np.sqrt(((corners - middle) ** 2).sum(axis=1)).max())
 

@@ -45,6 +45,12 @@ class Surfaces(NamedTuple):
         unit: Array = n / np.linalg.norm(n, axis=1, keepdims=True)
         return unit
 
+    @property
+    def corners(self) -> Array:
+        """(m, 4, 3) corners from the origin on, across first, once around each rectangle [m]."""
+        right = self.origin + self.across
+        return np.stack([self.origin, right, right + self.up, self.origin + self.up], axis=1)
+
     def some(self, which: Mask) -> "Surfaces":
         """Return the rectangles for which a mask (m,) is True."""
         names = tuple(self.texture[m] for m in np.flatnonzero(which))

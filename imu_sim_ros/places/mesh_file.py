@@ -84,10 +84,12 @@ def normals(mesh: Mesh) -> Iterator[tuple[slice, Array, Array]]:
         yield part, a, np.cross(b - a, c - a)
 
 
-def mesh_of_rectangles(origin: Array, across: Array, up: Array) -> Mesh:
-    """Return m rectangles ``origin + s across + t up``, each (m, 3), as 2 m triangles in pairs."""
-    count = len(origin)
-    corners = np.stack([origin, origin + across, origin + across + up, origin + up], axis=1)
+def mesh_of_rectangles(corners: Array) -> Mesh:
+    """Return m rectangles as 2 m triangles in pairs.
+
+    :param corners: (m, 4, 3) corners, once around each rectangle [m].
+    """
+    count = len(corners)
     corner = 4 * np.arange(count, dtype=np.int32)[:, None]
     faces = (corner[:, None] + np.array([[0, 1, 2], [0, 2, 3]], np.int32)).reshape(-1, 3)
     places = np.zeros((2 * count, 3, 2), np.float32)

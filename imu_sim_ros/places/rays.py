@@ -82,7 +82,7 @@ def _solid(surfaces: Surfaces) -> _Solid:
     if not len(surfaces.origin):
         return _Nothing()
     try:
-        return _Triangles(MeshCaster(mesh_of_rectangles(*surfaces[:3])), 2)
+        return _Triangles(MeshCaster(mesh_of_rectangles(surfaces.corners)), 2)
     except MissingDependencyError:
         return _Rectangles(surfaces)
 

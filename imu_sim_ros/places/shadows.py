@@ -71,8 +71,7 @@ class Shadow(NamedTuple):
 
         :param body: rectangles in the body's axes, whose floor is at z = 0.
         """
-        origin, across, up = body.origin, body.across, body.up
-        corners = np.concatenate([origin, origin + across, origin + up, origin + across + up])
+        corners = body.corners.reshape(-1, 3)
         low, high = corners.min(axis=0), corners.max(axis=0)
         middle, half_sides = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2]
         to_end = (half_sides - half_sides.min()) * (half_sides == half_sides.max())

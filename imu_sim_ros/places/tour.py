@@ -32,8 +32,6 @@ _LENGTH: Final = 7.0
 """Approximate length of a rise and fall [m]."""
 _LOOKS: Final = 4000
 """Number of points of a flight whose distance from surfaces is checked."""
-_CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
-"""Corners of a rectangle, in shares of its two sides."""
 
 
 class WaypointList(NamedTuple):
@@ -52,8 +50,8 @@ def clearance(surfaces: Surfaces, points: Array, reach: float = math.inf) -> Arr
     """
     order = np.argsort(points[:, 0], kind="stable")
     ordered, result = points[order], np.full(len(points), np.inf)
-    corners = [surfaces.origin + i * surfaces.across + j * surfaces.up for i, j in _CORNERS]
-    low, high = np.min(corners, axis=0) - reach, np.max(corners, axis=0) + reach
+    corners = surfaces.corners
+    low, high = corners.min(axis=1) - reach, corners.max(axis=1) + reach
     begin = np.searchsorted(ordered[:, 0], low[:, 0])
     end = np.searchsorted(ordered[:, 0], high[:, 0], side="right")
     for k, (o, a, b) in enumerate(zip(*surfaces[:3], strict=True)):
@@ -123,10 +121,8 @@ def _way(place: Place, surfaces: Surfaces) -> Array:
 
 def _surfaces_at_height(surfaces: Surfaces, height: float) -> Surfaces:
     """Return the surfaces that are not far above or below a height."""
-    ends = [surfaces.origin[:, 2] + 0.0]
-    ends += [ends[0] + side[:, 2] for side in (surfaces.across, surfaces.up)]
-    ends.append(ends[1] + ends[2] - ends[0])
-    low, high = np.min(ends, axis=0), np.max(ends, axis=0)
+    heights = surfaces.corners[..., 2]
+    low, high = heights.min(axis=1), heights.max(axis=1)
     return surfaces.some((low < height + _REACH) & (high > height - _REACH))
 
 

@@ -468,8 +468,7 @@ def _shadows(where: Surfaces, bottom: float, top: float) -> list[Array]:
     :param bottom, top: heights between which a rectangle is in the way [m].
     :returns: corners (4, 2) of each such rectangle, x and y in the world [m].
     """
-    origin, across, up = where.origin, where.across, where.up
-    corners = np.stack([origin, origin + across, origin + across + up, origin + up], axis=1)
+    corners = where.corners
     high, low = corners[..., 2].max(axis=1), corners[..., 2].min(axis=1)
     return list(corners[(high > bottom) & (low < top)][..., :2])
 

@@ -47,7 +47,7 @@ def of_the_box(request, monkeypatch):
     if request.param != "rectangles":
         pytest.importorskip("embreex")
     if request.param == "mesh":
-        return RayTracer(NO_SURFACES, MeshCaster(mesh_of_rectangles(*box()[:3])))
+        return RayTracer(NO_SURFACES, MeshCaster(mesh_of_rectangles(box().corners)))
     if request.param == "rectangles":
 
         def missing(_):

@@ -68,9 +68,7 @@ def _pairs(corners: Sequence[Array]) -> list[Array]:
 
 def _edges(surfaces: Surfaces) -> Array:
     """Return the ends (2 m, 3) of the edges of rectangles, two points for each edge."""
-    ends: list[Array] = []
-    for o, a, b in zip(surfaces.origin, surfaces.across, surfaces.up, strict=True):
-        ends += _pairs([o, o + a, o + a + b, o + b])
+    ends = [end for corners in surfaces.corners for end in _pairs(list(corners))]
     return np.array(ends).reshape(-1, 3)
 
 

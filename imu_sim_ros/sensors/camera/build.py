@@ -195,7 +195,6 @@ def _room(p: RoomParameters, path: Array) -> Scene:
     return Scene(
         landmarks=landmarks,
         normals=normals,
-        lines=np.zeros((0, 2, 3)),
         surfaces=everything,
         extent=extent,
     )
@@ -224,13 +223,11 @@ def _place(p: PlaceParameters, passage: Passage) -> Scene:
     everything = place.surfaces()
     landmarks, normals = _scatter(everything.some(~place.sky), p.landmarks, p.seed)
     extent = float(np.linalg.norm(high - low))
-    lines = np.zeros((0, 2, 3))
     crowd = _crowd(p, place, site, passage)
     painter = Painter(place, site, path[:: ceil_divide(len(path), _SIGHTS)])
     return Scene(
         landmarks=landmarks,
         normals=normals,
-        lines=lines,
         surfaces=everything,
         extent=extent,
         painter=painter,
@@ -338,7 +335,6 @@ def _planes(p: PlanesParameters) -> Scene:
     return Scene(
         landmarks=landmarks,
         normals=normals,
-        lines=np.zeros((0, 2, 3)),
         surfaces=where,
         extent=extent,
     )
@@ -506,7 +502,6 @@ def _target(p: TargetParameters, corners: Array, board_corner: Array, size: Arra
     return Scene(
         landmarks=landmarks,
         normals=normals,
-        lines=np.zeros((0, 2, 3)),
         surfaces=where,
         extent=float(np.linalg.norm(size)),
     )

@@ -45,13 +45,12 @@ def mesh_scene(p: MeshParameters, path: Array) -> Scene:
     middle = 0.5 * (path.min(axis=0) + path.max(axis=0)) if p.anchor == "path" else None
     mesh = place_mesh(mesh, matrix, np.asarray(p.position), middle)
     caster = MeshCaster(mesh)
-    landmarks = _seen_from(mesh, caster, path, p)
+    landmarks = _draw_visible_landmarks(mesh, caster, path, p)
     low, high = box(mesh)
     extent = float(np.linalg.norm(high - low))
     return Scene(
         landmarks=landmarks,
         normals=np.zeros_like(landmarks),
-        lines=np.zeros((0, 2, 3)),
         surfaces=NO_SURFACES,
         extent=extent,
         mesh=mesh,
@@ -59,7 +58,9 @@ def mesh_scene(p: MeshParameters, path: Array) -> Scene:
     )
 
 
-def _seen_from(mesh: Mesh, caster: MeshCaster, path: Array, p: MeshParameters) -> Array:
+def _draw_visible_landmarks(
+    mesh: Mesh, caster: MeshCaster, path: Array, p: MeshParameters
+) -> Array:
     """Return landmarks spread evenly over the parts visible from the path; maybe none."""
     stream = generator(p.seed, "scene.landmarks")
     eyes = path[np.linspace(0, len(path) - 1, _EYES).astype(np.int64)]

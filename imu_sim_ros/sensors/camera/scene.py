@@ -18,6 +18,8 @@ from imu_sim_ros.places.mesh_file import Mesh
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.rays import RayTracer
 
+_NO_LINES: Final[Array] = np.zeros((0, 2, 3))
+
 
 class Scene(NamedTuple):
     """A scene at rest in the world, and its moving bodies."""
@@ -26,11 +28,11 @@ class Scene(NamedTuple):
     """(n, 3) p_w [m]; a landmark's id is its row."""
     normals: Array
     """(n, 3) normal of the surface at each, to the side that sees it; zero: seen from all sides."""
-    lines: Array
-    """(l, 2, 3) ends of each line [m]."""
     surfaces: Surfaces
     extent: float
     """Largest distance of anything from anything else, about [m]."""
+    lines: Array = _NO_LINES
+    """(l, 2, 3) ends of each line [m]."""
     painter: Painter | None = None
     """Painter of a place's surfaces; None: the texture follows from their kind."""
     mesh: Mesh | None = None
@@ -61,9 +63,8 @@ class Scene(NamedTuple):
         """Return the lowest and highest corner (3,) of the box around all surfaces [m]."""
         if self.mesh is not None:
             return box(self.mesh)
-        origin, across, up = self.surfaces[:3]
-        corners = np.concatenate([origin, origin + across, origin + up, origin + across + up])
-        return corners.min(axis=0), corners.max(axis=0)
+        corners = self.surfaces.corners
+        return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
     @classmethod
     def of_points(cls, points: Array) -> "Scene":
@@ -72,7 +73,6 @@ class Scene(NamedTuple):
         return cls(
             landmarks=points,
             normals=np.zeros_like(points),
-            lines=np.zeros((0, 2, 3)),
             surfaces=NO_SURFACES,
             extent=extent,
         )

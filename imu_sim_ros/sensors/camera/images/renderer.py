@@ -274,9 +274,8 @@ class _Fronts(NamedTuple):
     @classmethod
     def of(cls, surfaces: Surfaces) -> "_Fronts":
         """Return surfaces with their normals and corners."""
-        origin, across, up = surfaces.origin, surfaces.across, surfaces.up
-        corners = np.stack([origin, origin + across, origin + up, origin + across + up], axis=1)
-        return cls(surfaces, surfaces.normal, corners, np.array(surfaces.texture) == "plane")
+        both = np.array(surfaces.texture) == "plane"
+        return cls(surfaces, surfaces.normal, surfaces.corners, both)
 
     def some(self, numbers: Integers) -> tuple[Surfaces, Array]:
         """Return the rectangles of some numbers, and their normals."""
