@@ -162,7 +162,7 @@ class _Mount:
 
 
 def _means_between(t_ns: Times, values: Array, ends: Times) -> Array:
-    """Return the means (k, 3) of straight lines through values (n, 3), between k + 1 times.
+    """Return the means (k, c) of straight lines through values (n, c), between k + 1 times.
 
     Trapezoids between all corners of the lines and all ends are exact.
 
@@ -170,7 +170,7 @@ def _means_between(t_ns: Times, values: Array, ends: Times) -> Array:
     :param ends: (k + 1,) or no times [ns].
     """
     if len(ends) < 2:
-        return np.empty((0, 3))
+        return np.empty((0, values.shape[1]))
     corners = np.union1d(t_ns, ends)
     first_pieces = np.searchsorted(corners, ends)
     seconds = np.diff(corners) * 1e-9
@@ -262,7 +262,8 @@ class Resampler:
         if self._next:
             previous_ns = timebase.sample_times_ns(self._next - 1, 1, self._rate, self._begin_ns)
             ends = np.concatenate([previous_ns, ends])
-        gyro, accel = (_means_between(stretch.t_ns, values, ends) for values in stretch.triads())
+        means = _means_between(stretch.t_ns, np.hstack(stretch.triads()), ends)
+        gyro, accel = means[:, :3], means[:, 3:]
         if not self._next:
             sampled_gyro, sampled_accel = samples.triads()
             gyro = np.concatenate([sampled_gyro[:1], gyro])
@@ -481,7 +482,7 @@ class StartCheck:
         rows = t_ns <= t_ns[0] + _LOOK_NS
         lines: list[str] = []
         if arrived:
-            ERROR_MODEL.judge(_batch_findings(*_join(arrived)), lines.append)
+            ERROR_MODEL.judge(_arrival_findings(*_join(arrived)), lines.append)
         return [*lines, *self.remarks(t_ns[rows], gyro[rows], accel[rows])]
 
     def units(self, t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
@@ -705,7 +706,7 @@ def _join(blocks: Sequence[tuple[Any, Any, Any]]) -> tuple[Times, Array, Array]:
     return t_ns, gyro, accel
 
 
-def _batch_findings(t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
+def _arrival_findings(t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
     """Return the findings about readings that share a stamp, or come in bunches.
 
     :param t_ns: (n,) stamps in the order of arrival [ns].

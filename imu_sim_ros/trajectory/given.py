@@ -135,29 +135,39 @@ def _contradictions(t: Array, step: float, motions: Motion, next_to: Motion) -> 
 
     :param t: (n,) times [s].
     :param step: short time between ``motions`` and ``next_to`` [s].
-    :param motions: (n,) motion at these times; ``next_to`` a short time later.
+    :param motions: motion at these times; ``next_to``: motion the short time later.
     """
     m, n = motions, next_to
-    changes = {
-        "position": _changes(m.position, n.position),
-        "velocity": _changes(m.velocity, n.velocity),
-        "attitude": _rotations(m, n),
-        "angular velocity": _changes(m.angular_velocity, n.angular_velocity),
-    }
     lines: list[str] = []
-    for name, derivative, unit, before, after in (
-        ("position", "velocity", "m", m.velocity, n.velocity),
-        ("velocity", "acceleration", "m/s", m.acceleration, n.acceleration),
-        ("attitude", "angular velocity", "rad", m.angular_velocity, n.angular_velocity),
+    for name, derivative, unit, (long, short), start_rate, end_rate in (
+        ("position", "velocity", "m", _changes(m.position, n.position), m.velocity, n.velocity),
         (
-            *("angular velocity", "angular acceleration", "rad/s"),
-            *(m.angular_acceleration, n.angular_acceleration),
+            "velocity",
+            "acceleration",
+            "m/s",
+            _changes(m.velocity, n.velocity),
+            m.acceleration,
+            n.acceleration,
+        ),
+        (
+            "attitude",
+            "angular velocity",
+            "rad",
+            _rotations(m, n),
+            m.angular_velocity,
+            n.angular_velocity,
+        ),
+        (
+            "angular velocity",
+            "angular acceleration",
+            "rad/s",
+            _changes(m.angular_velocity, n.angular_velocity),
+            m.angular_acceleration,
+            n.angular_acceleration,
         ),
     ):
-        long, short = changes[name]
-        lines += _contradiction(
-            name, derivative, unit, t, long, short / step, 0.5 * (before + after)
-        )
+        mean_rate = 0.5 * (start_rate + end_rate)
+        lines += _contradiction(name, derivative, unit, t, long, short / step, mean_rate)
     return lines
 
 

@@ -155,7 +155,15 @@ class Imu:
             self._look_ahead(start, world)
         drawn_ahead = self._ahead.end - start
         if 0 < drawn_ahead < count:
-            return self._apply_in_two_parts(drawn_ahead, true_t_ns, motion, gyro, accel, world)
+            # First the samples whose errors are drawn; such a sensor has m = 1.
+            parts = []
+            for rows in (slice(0, drawn_ahead), slice(drawn_ahead, count)):
+                part_motion = Motion(*(values[rows] for values in motion))
+                parts.append(
+                    self.apply(true_t_ns[rows], part_motion, gyro[rows], accel[rows], world)
+                )
+            self.latest = join_samples(parts)
+            return self.latest
         if drawn_ahead > 0:
             rows = slice(start - self._ahead.start, start - self._ahead.start + count)
             temperature = self._ahead.temperature[rows]
@@ -170,28 +178,6 @@ class Imu:
         readings = self._triad_readings(start, (gyro, accel), additions, vibration)
         ideal = (gyro[m - 1 :: m], accel[m - 1 :: m])
         return self._samples(start, true_t_ns, motion, ideal, temperature, readings)
-
-    def _apply_in_two_parts(
-        self,
-        drawn_ahead: int,
-        true_t_ns: Times,
-        motion: Motion,
-        gyro: Array,
-        accel: Array,
-        world: World,
-    ) -> Samples:
-        """Return samples as :meth:`apply`: those whose errors are drawn already, then the rest.
-
-        Errors are drawn ahead only for sensors with one reading inside for each sample.
-
-        :param drawn_ahead: number of the samples whose errors are drawn, above 0.
-        """
-        parts = []
-        for rows in (slice(0, drawn_ahead), slice(drawn_ahead, len(true_t_ns))):
-            part_motion = Motion(*(values[rows] for values in motion))
-            parts.append(self.apply(true_t_ns[rows], part_motion, gyro[rows], accel[rows], world))
-        self.latest = join_samples(parts)
-        return self.latest
 
     def apply_few(
         self, times: Sequence[int], readings: Sequence[LiveReading], motion: Motion, world: World
