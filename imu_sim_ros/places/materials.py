@@ -174,7 +174,7 @@ def _ceiling_colours(c: Canvas, colour: Array) -> Array:
     return _tint(colour, value.astype(np.float32))
 
 
-def _loop_carpet_colours(c: Canvas, colour: Array) -> Array:
+def _carpet_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of carpet tiles of half a metre."""
     tiles = c.cells(0.5, 0.5)
     tone = c.stream.integers(-5, 6, tiles.cells).astype(np.float32)[tiles.number]
@@ -184,7 +184,7 @@ def _loop_carpet_colours(c: Canvas, colour: Array) -> Array:
     return _tint(colour, value)
 
 
-def _carpet_colours(c: Canvas, colour: Array) -> Array:
+def _flecked_carpet_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of carpet tiles with light and dark flecks of yarn."""
     tiles = c.cells(0.5, 0.5)
     tone = c.stream.integers(-9, 10, tiles.cells).astype(np.float32)[tiles.number]
@@ -267,8 +267,8 @@ _KINDS: Final[dict[str, tuple[Callable[..., Array], str, float]]] = {
     "tiles": (_tiles_colours, "c4beb2", 2.0),
     "slabs": (_slabs_colours, "a8a49c", 2.0),
     "ceiling": (_ceiling_colours, "ecebe6", 2.4),
-    "carpet": (_loop_carpet_colours, "6a7078", 2.0),
-    "flecked": (_carpet_colours, "6a7078", 2.0),
+    "carpet": (_carpet_colours, "6a7078", 2.0),
+    "flecked": (_flecked_carpet_colours, "6a7078", 2.0),
     "metal": (_metal_colours, "9aa0a4", 2.0),
     "ribbed": (_ribbed_sheet_colours, "c2c8ca", 2.0),
     "paint": (_paint_colours, "e0e0dc", 1.2),

@@ -97,7 +97,7 @@ def _draw_books(s: Sheet) -> None:
         s.fill(x, 0, x + 0.022, s.height, (140, 106, 70))
 
 
-def _drawers(s: Sheet) -> None:
+def _draw_drawers(s: Sheet) -> None:
     """Draw a cabinet of drawers."""
     s.all((206, 208, 210))
     count = max(1, round(s.height / 0.3))
@@ -417,7 +417,7 @@ PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
     "notices": _draw_notices,
     "whiteboard": _draw_whiteboard,
     "books": _draw_books,
-    "drawers": _drawers,
+    "drawers": _draw_drawers,
     "screen": _draw_screen,
     "door": _draw_door,
     "window": _draw_window,

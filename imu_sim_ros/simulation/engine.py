@@ -106,9 +106,8 @@ class Body:
         self.trajectory = trajectory
         self._recorded: RecordedMotion | None = None
         if isinstance(parameters.trajectory, PosesParameters):
-            from imu_sim_ros.trajectory.recorded import (
-                find_recorded_motion,
-            )  # only this needs splines
+            # Only recorded poses need splines.
+            from imu_sim_ros.trajectory.recorded import find_recorded_motion
 
             self._recorded = find_recorded_motion(trajectory)
         if t0_ns is None:
@@ -184,7 +183,8 @@ class Body:
             if self._recorded is not None:
                 yield "", self._recorded
             return
-        from imu_sim_ros.trajectory.recorded import find_recorded_motion  # only this needs splines
+        # Only recorded poses need splines.
+        from imu_sim_ros.trajectory.recorded import find_recorded_motion
 
         for name, topic in segments(self.parameters).items():
             recorded = find_recorded_motion(self.segments[name])

@@ -16,7 +16,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import (
     load_rig,
     select_rig_parameters,
 )
-from imu_sim_ros.sensors.camera.target import HORIZON, TURNS, suit_board_and_motion
+from imu_sim_ros.sensors.camera.target import HORIZON, TURNS, fit_board_and_motion
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.trajectory.parameters import TourParameters, TrajectoryParameters
 
@@ -51,7 +51,7 @@ def fit_scene(
         return parameters  # loading them reports it
     views = [View(name, camera, 0, 0, HORIZON) for name, camera in rig.camera_parameters().items()]
     scene_names = [key.removeprefix("scene.") for key in parameters if key.startswith("scene.")]
-    return {**parameters, **suit_board_and_motion(views, motion, rig.scene, scene_names, turns)}
+    return {**parameters, **fit_board_and_motion(views, motion, rig.scene, scene_names, turns)}
 
 
 def _add_tour(parameters: Mapping[str, object]) -> dict[str, object]:

@@ -137,7 +137,7 @@ def _mounts(sensors: Mapping[str, Mounted[MountedParameters]], encoding: str) ->
 def published_topics(
     sensors: Mapping[str, Mounted[MountedParameters]], publish: ImuPublishParameters
 ) -> dict[str, Offered]:
-    """Return the topics that a node publishes, as :func:`offered` has them.
+    """Return the topics that a node publishes, as :func:`sensor_topics` has them.
 
     :param publish: its section ``publish``; a switch that it does not have is off.
     """

@@ -100,7 +100,7 @@ def target_warning(parameters: SceneParameters, view: View, trajectory: Trajecto
     ]
 
 
-def suit_board_and_motion(
+def fit_board_and_motion(
     views: Sequence[View],
     motion: TrajectoryParameters,
     scene: SceneParameters,

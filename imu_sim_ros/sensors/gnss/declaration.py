@@ -223,5 +223,5 @@ SENSOR: Final[Sensor[GnssParameters]] = Sensor(
         Serial(lambda parameters: str(parameters.nmea), _sentences),
     ),
     presets="gnss",
-    warnings=import_on_call("imu_sim_ros.sensors.gnss.model", "nowhere"),
+    warnings=import_on_call("imu_sim_ros.sensors.gnss.model", "location_warnings"),
 )

@@ -186,7 +186,7 @@ def _empty_raw(count: int) -> Mapping[str, AnyArray]:
     }
 
 
-def nowhere(mounted: Mounted[GnssParameters], world: World, _: float) -> list[str]:
+def location_warnings(mounted: Mounted[GnssParameters], world: World, _: float) -> list[str]:
     """Return a line if the location of the world on the Earth is not stated."""
     origin = mounted.environment
     if origin.latitude_deg or origin.longitude_deg:

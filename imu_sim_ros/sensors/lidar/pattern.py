@@ -55,9 +55,9 @@ def build_pattern(p: LidarParameters) -> Pattern:
     """
     build = {
         "spinning": _spinning_pattern,
-        "rosette": _rosette,
+        "rosette": _rosette_pattern,
         "nodding": _nodding_pattern,
-        "table": _table,
+        "table": _table_pattern,
     }
     return build[p.pattern](p)
 
@@ -100,7 +100,7 @@ def _lines(p: LidarParameters) -> tuple[Array, NDArray[np.uint16], Array]:
     return np.arange(count) / p.point_rate, ring, offset
 
 
-def _rosette(p: LidarParameters) -> Pattern:
+def _rosette_pattern(p: LidarParameters) -> Pattern:
     """Return beams that turning prisms deflect from x, as Livox describes its Mid-40 and Avia.
 
     To first order the deflections add up as vectors in the plane of azimuth and elevation: prism k
@@ -134,7 +134,7 @@ def _nodding_pattern(p: LidarParameters) -> Pattern:
     return Pattern(time, ring, directions)
 
 
-def _table(p: LidarParameters) -> Pattern:
+def _table_pattern(p: LidarParameters) -> Pattern:
     """Return the pattern of a table of times and angles."""
     path = Path(p.table)
     try:

@@ -174,6 +174,6 @@ SENSOR: Final[Sensor[WheelsParameters]] = Sensor(
     readings=WheelsReadings,
     realised=import_on_call(_MODEL, "realise_wheels"),
     text="encoders with slip and errors of radii and base, and odometry from them",
-    warnings=import_on_call(_MODEL, "warn_unmeasured_motion"),
+    warnings=import_on_call(_MODEL, "unmeasured_motion_warnings"),
     presets="wheels",
 )

@@ -312,7 +312,7 @@ class Odometer(SensorModel[WheelsParameters]):
         return poses
 
 
-def warn_unmeasured_motion(
+def unmeasured_motion_warnings(
     mounted: Mounted[WheelsParameters], world: World, duration: float
 ) -> list[str]:
     """Return a line with the unmeasured motion, if it is not that of such a vehicle."""

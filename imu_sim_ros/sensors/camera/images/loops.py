@@ -692,7 +692,7 @@ def _polish(
 
 
 _reflectance: Final = part(reflectance)
-_mirrored: Final = part(limit_highlight)
+_limit_highlight: Final = part(limit_highlight)
 
 
 @part
@@ -746,7 +746,7 @@ def shine(
             if light > _ZERO:
                 power = light_at(sheen.light, face, j, point[0], point[1]) * region.gain
                 power /= max(height / away, to[2] / max(distance, _NARROWEST))
-                bright = _mirrored(power, is_lamp) * light * specular
+                bright = _limit_highlight(power, is_lamp) * light * specular
                 for c in range(len(added)):
                     added[c] += source.colour[c] * bright
     return _ONE - share
