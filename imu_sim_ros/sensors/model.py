@@ -83,7 +83,7 @@ class SensorModel(Generic[SectionT]):
         """Return the values with those derived from the readings, after faults."""
         return values
 
-    def sent_mask(self, values: Mapping[str, Array]) -> Mask | None:
+    def sent(self, values: Mapping[str, Array]) -> Mask | None:
         """Return which samples the sensor sends (n,); None: all."""
         return None
 
@@ -103,7 +103,7 @@ class SensorModel(Generic[SectionT]):
         self._take_faults(samples.first, values)
         values = dict(self.complete(values))
         block = self._timing.samples(samples.first, samples.true_t_ns, values)
-        sent = self.sent_mask(values)
+        sent = self.sent(values)
         if sent is None:
             return block
         return block._replace(delivered=block.delivered[sent[block.delivered]])

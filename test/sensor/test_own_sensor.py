@@ -103,6 +103,24 @@ def test_python_reads_it_at_its_own_rate_with_its_truth(installed: Any) -> None:
     assert "sonar" in dir(flight_samples)
 
 
+def test_a_model_that_defines_sent_chooses_which_samples_become_messages(installed: Any) -> None:
+    installed()
+    import own_sensor
+
+    class Shy(own_sensor.Sonar):  # type: ignore[name-defined, misc]
+        """A sonar that sends the readings with positive noise alone."""
+
+        def sent(self, values: Any) -> Any:
+            return values["range"] > values["ideal"] + values["bias"]
+
+    ims.register_sensor(replace(own_sensor.SENSOR, model=Shy))
+    body = Body(load_simulation(GIVEN), sensors={"sonar"})
+    samples = body.next(10**6)["sonar"]
+    rows = np.flatnonzero(samples.range > samples.ideal + samples.bias)
+    assert 0 < len(rows) < len(samples.range)
+    assert np.array_equal(samples.delivered, rows)
+
+
 def test_samples_do_not_depend_on_blocks_and_leave_others_as_they_are(installed: Any) -> None:
     installed()
     parameters = load_simulation(GIVEN)

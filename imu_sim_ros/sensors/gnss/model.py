@@ -122,7 +122,7 @@ class Receiver(SensorModel[GnssParameters]):
             "pdop": np.minimum(np.linalg.norm(diluted[:, :3], axis=1), UNUSABLE),
         }
 
-    def sent_mask(self, values: Mapping[str, Array]) -> Mask | None:
+    def sent(self, values: Mapping[str, Array]) -> Mask | None:
         """Return a mask of the samples that become messages."""
         return values["mode"] >= 0 if self.parameters.silent else None
 
