@@ -48,8 +48,8 @@ class Surfaces(NamedTuple):
     @property
     def corners(self) -> Array:
         """(m, 4, 3) corners from the origin on, across first, once around each rectangle [m]."""
-        right = self.origin + self.across
-        return np.stack([self.origin, right, right + self.up, self.origin + self.up], axis=1)
+        end = self.origin + self.across
+        return np.stack([self.origin, end, end + self.up, self.origin + self.up], axis=1)
 
     def some(self, which: Mask) -> "Surfaces":
         """Return the rectangles for which a mask (m,) is True."""
