@@ -446,7 +446,7 @@ def _compare(
         raise InputError("no estimate was written")
     try:
         topic, lines = estimator.estimate_topic or None, list[str]()
-        arrived = read_states(path, topic, covariance=True, minimum=2, ordered=False)
+        arrived = read_states(path, topic, covariance=True, is_trajectory=True, ordered=False)
         estimate = sort_poses(arrived, tell=lines.append)
         outcome.findings += [
             line.replace(f"{run_folder}/", "").replace("; ", ", ") for line in lines

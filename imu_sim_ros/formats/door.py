@@ -219,7 +219,7 @@ def read_states(
     covariance: bool = False,
     warned: Warned | None = None,
     recover: Recover = False,
-    minimum: int = 0,
+    is_trajectory: bool = False,
     ordered: bool = True,
 ) -> States:
     """Return the states of a file: a topic of any type with poses, text, a folder.
@@ -232,7 +232,7 @@ def read_states(
         are unknown, so None.
     :param warned: receives what is wrong with messages, which are passed on as they are.
     :param recover: read a damaged bag as far as possible.
-    :param minimum: smallest number of poses.
+    :param is_trajectory: refuse fewer than two poses, between which there is no motion.
     :param ordered: put the poses into the order of time, see :func:`sort_poses`.
     :raises InputError: for what cannot be read, a clock that goes back, too few poses.
     """
@@ -243,9 +243,9 @@ def read_states(
     states = replace_fields(states, skipped=sum(counts))
     if ordered and warned is None:
         states = sort_poses(states, skip_bad_rows)
-    if len(states) < minimum:
+    if is_trajectory and len(states) < 2:
         name = str(path) if topic is None else f"{path}, {topic}"
-        raise InputError(f"{name}: {len(states)} poses; a trajectory needs {minimum} or more")
+        raise InputError(f"{name}: {len(states)} poses; a trajectory needs two or more")
     if warned is not None:
         return states
     # All zeros: unknown (REP-145).
@@ -266,7 +266,7 @@ def read_trajectory(
 
     Arguments as for :func:`read_states`.
     """
-    states = read_states(path, topic, skip_bad_rows, covariance, minimum=2)
+    states = read_states(path, topic, skip_bad_rows, covariance, is_trajectory=True)
     if states.skipped:
         tell_skipped(path)(states.skipped)
     return states

@@ -817,7 +817,7 @@ def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:
         yield replace_fields(door.read_readings(path, choice, skipped), source=name_of(path))
     except InputError as error:
         try:
-            states = door.read_states(path, topic, skip, minimum=2, ordered=False)
+            states = door.read_states(path, topic, skip, is_trajectory=True, ordered=False)
             if states.skipped:
                 tell_skipped(path)(states.skipped)
             yield replace_fields(states, source=name_of(path))

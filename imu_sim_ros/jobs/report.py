@@ -283,7 +283,9 @@ def _poses_alone(sources: Sources, path: Path) -> States | None:
         next(reading_blocks(path, sources.choice), None)
     except InputError:
         with suppress(InputError):
-            states = read_states(path, None, sources.skip_bad_rows, minimum=2, ordered=False)
+            states = read_states(
+                path, None, sources.skip_bad_rows, is_trajectory=True, ordered=False
+            )
             return replace_fields(states, source=path.name)
     return None
 

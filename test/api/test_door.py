@@ -362,6 +362,13 @@ def test_every_job_reads_every_type_of_poses(tmp_path, kind):
         assert flight.truth.position.shape == (200, 3)
 
 
+def test_one_pose_is_no_trajectory(tmp_path):
+    """Its message has the words of the one about rows of a text file."""
+    path = bag(tmp_path / "one", [("/odom", t, m) for t, m in poses_of("Odometry")[:1]])
+    with pytest.raises(InputError, match="1 poses; a trajectory needs two or more"):
+        ims.evaluate(path, ims.simulate(duration=1).truth)
+
+
 def test_the_topic_s_own_type_decides(tmp_path):
     messages = [("/odom", t, m) for t, m in poses_of("Odometry")]
     messages += [("/pose", t, m) for t, m in poses_of("PoseStamped")]
