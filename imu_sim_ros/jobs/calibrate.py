@@ -342,8 +342,7 @@ class _Run:
             if rotating:
                 raise InputError(
                     f"{argument_prefix('rates')}: the rates the table was set to are not known; "
-                    "give them "
-                    "in rad/s"
+                    "give them in rad/s"
                 )
         rotations = match_table_rates(
             steady, np.empty(0) if set_to is None else set_to, temperatures

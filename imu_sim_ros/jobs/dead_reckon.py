@@ -357,10 +357,10 @@ def _prepare(
         recording = recording._replace(
             readings=judge_readings(recording.readings, DEAD_RECKON, gravity)
         )
-    if recording.truth is not None and not isinstance(readings, Flight):
-        DEAD_RECKON.judge(pose_findings(recording.truth), warn)
     if not isinstance(readings, Flight):
-        release_memory()
+        if recording.truth is not None:
+            DEAD_RECKON.judge(pose_findings(recording.truth), warn)
+        release_memory()  # that of the findings
     recording = recording.after(skip)
     prefix = f"{readings}: " if isinstance(readings, str | PathLike) else ""
     for note in (*world.notes, *settings.warnings()):

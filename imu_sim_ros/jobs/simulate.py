@@ -149,8 +149,7 @@ def simulate(
     if samples > limit:
         raise ConfigurationError(
             f"{argument_prefix('duration')}: its {samples} samples, with those of all sensors, do "
-            "not fit "
-            f"into memory, which has room for {limit}; blocks() yields them piece by piece"
+            f"not fit into memory, which has room for {limit}; blocks() yields them piece by piece"
         )
     motion = body.parameters.trajectory.type
     if isinstance(trajectory, Mapping):
