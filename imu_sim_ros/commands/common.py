@@ -50,9 +50,9 @@ def save_plot(plot: Path | None, draw: "Callable[[], Figure]") -> None:
 
 def _existing_files(arguments: argparse.Namespace) -> Iterator[Path]:
     """Yield every argument that is the name of something that exists, but outputs and words."""
-    output_names = _WRITTEN | vars(arguments).get("words", frozenset())
+    excluded_names = _WRITTEN | vars(arguments).get("words", frozenset())
     for name, value in vars(arguments).items():
-        if name not in output_names:
+        if name not in excluded_names:
             yield from _files_in(value)
 
 

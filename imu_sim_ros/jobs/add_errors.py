@@ -135,7 +135,7 @@ def add_errors(
         ideal_readings = ideal_readings.rows(~strays)
     layers = parameter_layers(imu, seed, params_file, input, parameters, rate)
     unchanged = repeated_value_rows(ideal_readings.gyro, ideal_readings.accel)
-    built = add_rate(layers, lambda: rounded_rate(ideal_readings.t_ns, unchanged))
+    built = load_with_rate(layers, lambda: rounded_rate(ideal_readings.t_ns, unchanged))
     model = GivenImu(built, OTHERS, warn)
     windows: list[dict[str, Samples]] = []
     for begin in range(0, len(ideal_readings.t_ns), ROWS_AT_ONCE):
@@ -833,11 +833,9 @@ def parameter_layers(
 
     :raises ConfigurationError: with a line for each argument that is not what it must be.
     """
-    file_parameters, sensor_parameters, problems = (
-        dict[str, object](),
-        dict[str, object](),
-        Problems(),
-    )
+    problems = Problems()
+    file_parameters: dict[str, object] = {}
+    sensor_parameters: dict[str, object] = {}
     with problems.collect(hanging=""):
         file_parameters = load_all(parameter_files(params_file), NODE)
     with problems.collect():
@@ -859,7 +857,7 @@ def parameter_layers(
     return layers
 
 
-def add_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorModelParameters:
+def load_with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorModelParameters:
     """Return an error model with the rate of the readings, unless layers give one.
 
     :param rate: returns the rate of the readings [Hz].

@@ -79,7 +79,7 @@ def _first_messages(bag: Bag, source: TopicInfo) -> Decoded | None:
     return concatenate_blocks(decoded) if decoded else None
 
 
-def mean_rate(bag: Bag, source: TopicInfo) -> float:
+def topic_rate(bag: Bag, source: TopicInfo) -> float:
     """Return the readings per second of a topic [Hz].
 
     :raises InputError: if there are fewer than two.

@@ -34,7 +34,7 @@ from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.jobs import convert
 from imu_sim_ros.jobs.add_errors import (
     ROWS_AT_ONCE,
-    add_rate,
+    load_with_rate,
     parameter_layers,
     rounded_rate,
     tell_strays,
@@ -42,9 +42,9 @@ from imu_sim_ros.jobs.add_errors import (
 from imu_sim_ros.jobs.add_errors_bag import (
     USUAL,
     BagErrors,
-    mean_rate,
     names_in,
     source_topic,
+    topic_rate,
     twist_warnings,
 )
 from imu_sim_ros.jobs.selection import (
@@ -71,7 +71,7 @@ from imu_sim_ros.jobs.writing import (
     SplitDuration,
     SplitSize,
     Storage,
-    count_texts,
+    counts_text,
     form_of_output,
     outputs,
     parameter_files,
@@ -127,7 +127,7 @@ class ErrorsAdded:
         kinds = ("missing", "pauses", "restarts", "repeated", "backward")
         notes = "".join(f", {tally[kind]:,} {kind}" for kind in kinds if tally[kind])
         speed = time_and_speed(tally["readings"], self.wall_s, "readings")
-        yield f"{self.output}: {count_texts(self.messages)}{notes}; {speed}"
+        yield f"{self.output}: {counts_text(self.messages)}{notes}; {speed}"
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
@@ -228,7 +228,8 @@ def add_errors_to_file(
     added = _topics_to_add(form)
     target = staging.add(path, keep_partial=True)
     ideal = _Ideal(source_path, choice, journal)
-    task = _Task(ideal, topic, layers, added, left_out, form, target)
+    is_text = not has_topics(source_path)
+    task = _Task(ideal, is_text, topic, layers, added, left_out, form, target)
     with staging.stage(), tempfile.TemporaryDirectory(dir=target.path.parent) as temporary:
         tally, messages, notes = _write_with_errors(task, Path(temporary))
     wall_s = time.perf_counter() - started
@@ -252,6 +253,8 @@ class _Task:
     """Input, error model and output of one call of :func:`add_errors_to_file`."""
 
     ideal: _Ideal
+    is_text: bool
+    """True for a source that is a table or a folder, not a bag or log."""
     topic: str | None
     """Topic of the ideal readings in the source; None: the only one."""
     layers: dict[str, object]
@@ -270,10 +273,9 @@ def _write_with_errors(task: _Task, folder: Path) -> tuple[Counts, dict[str, int
     :param folder: empty folder for the files in between.
     :returns: what happened to the readings, the messages by topic, and notes of reading.
     """
-    source, form, target = task.ideal, task.form, task.target
-    is_text = not has_topics(source.path)
+    source, form, target, is_text = task.ideal, task.form, task.target, task.is_text
     if is_text:
-        add_rate(task.layers, source.rate)  # refused before work begins
+        load_with_rate(task.layers, source.rate)  # refused before work begins
     if is_text and form.dataset:
         return _dataset_to_dataset(source, target, folder, form.dataset, task.layers)
     ideal_bag, topic, notes = source.path, task.topic, list[str]()
@@ -303,7 +305,7 @@ def _write_noisy_bag(
     with open_bag(ideal_bag) as bag:
         bag.path = source_path  # for messages
         readings = source_topic(bag, topic)
-        parameters = add_rate(task.layers, lambda: mean_rate(bag, readings))
+        parameters = load_with_rate(task.layers, lambda: topic_rate(bag, readings))
         if "imu/data" in task.added and (problems := list(orientation_problems(parameters.imu))):
             raise InputError(problems)
         if readings.type == ODOMETRY:
@@ -315,7 +317,7 @@ def _write_noisy_bag(
             for line in twist_warnings(bag, readings, parameters.input.twist_frame):
                 journal.warn(line)
         left_out = set(task.left_out)
-        if not has_topics(source_path):  # a dataset's biases are those of the readings before
+        if task.is_text:  # a dataset's biases are those of the readings before
             present = {resolve_topic(info.name) for info in bag.topics}
             left_out |= {resolve_topic(name) for name in task.added} & present - {readings.name}
         copied = _topics_to_copy(bag, left_out)
@@ -416,7 +418,7 @@ def _dataset_to_dataset(
             if model is None:
                 unchanged = repeated_value_rows(readings.gyro, readings.accel)
                 rate = partial(rounded_rate, readings.t_ns, unchanged)
-                model = GivenImu(add_rate(layers, rate), remark=source.journal.warn)
+                model = GivenImu(load_with_rate(layers, rate), remark=source.journal.warn)
             for begin in range(0, len(readings), ROWS_AT_ONCE):
                 for samples in model.read(readings.rows(slice(begin, begin + ROWS_AT_ONCE))):
                     dataset.write_imu(*delivered_readings(samples[IMU]))

@@ -375,7 +375,7 @@ def _analyse_files(
     notes: list[str] = []
     checked_blocks = (_judge_units(blocks, problems, notes) for blocks in blocks_of_files)
     reading = progress("read", lambda: sum(_count(path, topic) for path in paths))
-    with _prepend_notes(problems), reading as advance:
+    with _prepend_problems(problems), reading as advance:
         result = analyse(checked_blocks, model=model, force=force, advance=advance)
     return _Analysis(result, problems, notes)
 
@@ -388,13 +388,13 @@ def _analyse_readings(readings: Readings, model: str, force: bool, check_units: 
     problems: list[str] = []
     if check_units:
         _judge(readings, problems)
-    with _prepend_notes(problems):
+    with _prepend_problems(problems):
         result = analyse([[readings]], model=model, force=force)
     return _Analysis(result, problems, readings.notes)
 
 
 @contextmanager
-def _prepend_notes(problems: Sequence[str]) -> Iterator[None]:
+def _prepend_problems(problems: Sequence[str]) -> Iterator[None]:
     """Put what was found before in front of the reasons for which an analysis is refused.
 
     :param problems: lines, which are complete when the analysis ends.

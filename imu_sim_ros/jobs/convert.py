@@ -66,7 +66,7 @@ from imu_sim_ros.jobs.writing import (
     SplitDuration,
     SplitSize,
     Storage,
-    count_texts,
+    counts_text,
     form_of_output,
     outputs,
 )
@@ -152,7 +152,7 @@ class Converted:
         last_ns = self.last_stamp_ns
         until = f", up to stamp {last_ns / 1e9:.9f} s" if last_ns is not None else ""
         word = "recovered" if self.recovered else "written"
-        yield f"{self.output}: {word}: {count_texts(self.messages) or 'no messages'}{until}"
+        yield f"{self.output}: {word}: {counts_text(self.messages) or 'no messages'}{until}"
         if self.not_converted:
             yield f"{self.output}: has no place for {', '.join(self.not_converted)}"
 

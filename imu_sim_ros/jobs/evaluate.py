@@ -402,7 +402,7 @@ def evaluate(
         "time_offset": time_offset or None,
         "rpe": [f"{length:g}{unit}" for length, unit in rpe_deltas] or None,
     }
-    table = _table_of_paths(estimate, estimate_topic, truth)
+    table = _measurement_table(estimate, estimate_topic, truth)
     if table is not None:
         _refuse_all(trajectory_arguments, f"omitted: {estimate_topic} is no trajectory")
         measurement, recording = (estimate, str(estimate_topic)), (truth, truth_topic)
@@ -433,7 +433,7 @@ def evaluate(
     return replace(trajectory_errors, rpe=rpe_deltas)
 
 
-def _table_of_paths(estimate: object, topic: str | None, truth: object) -> Table | None:
+def _measurement_table(estimate: object, topic: str | None, truth: object) -> Table | None:
     """Return the sensor's table of an estimate's topic; None: the estimate is a trajectory.
 
     :raises InputError: for an estimate that cannot be read, with the problem of the truth's path.

@@ -308,14 +308,14 @@ class Flight:
         'flight.bag'
         """
         from imu_sim_ros.datasets.forms import open_output, topics_to_write
-        from imu_sim_ros.jobs.writing import rename_topics, save_output
+        from imu_sim_ros.jobs.writing import new_topic_names, save_output
         from imu_sim_ros.simulation.topics import sensor_topics
 
         topic_names = arguments.string_list("topics", topics) or self._topics
         arguments.boolean("imu_only", imu_only)
         if format is not None:
             arguments.choice("format", format, ("csv", "euroc"))
-        renamed, sensors = rename_topics(rename), self._sensors
+        renamed, sensors = new_topic_names(rename), self._sensors
         with save_output(path, force, flatten(self.parameters).values()) as staged:
             form = format or ("csv" if staged.suffix == ".csv" else None)
             names = topics_to_write(sensors, form, staged, topic_names, renamed, imu_only)

@@ -47,7 +47,7 @@ from imu_sim_ros.jobs.writing import (
     SplitDuration,
     SplitSize,
     Storage,
-    count_texts,
+    counts_text,
     form_of_output,
     outputs,
     parameter_files,
@@ -120,7 +120,7 @@ class Generated:
     def lines(self) -> Iterator[str]:
         """Yield the lines of the report that ``generate`` prints."""
         speed = time_and_speed(sum(self.messages.values()), self.wall_s, "messages")
-        yield f"{self.output}: {count_texts(self.messages)}; {self.bytes / 1e6:,.1f} MB in {speed}"
+        yield f"{self.output}: {counts_text(self.messages)}; {self.bytes / 1e6:,.1f} MB in {speed}"
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())

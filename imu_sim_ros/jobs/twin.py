@@ -53,7 +53,7 @@ from imu_sim_ros.jobs.selection import (
     GyroUnit,
     input_lines,
 )
-from imu_sim_ros.jobs.twin_check import Check, check, compare_with_twin, simulation
+from imu_sim_ros.jobs.twin_check import Check, check, real_and_twin_residuals, simulation
 from imu_sim_ros.jobs.twin_recording import TwinRecording, rows_in_motion, spline_recording
 from imu_sim_ros.jobs.writing import SkipBadRows, save_output
 from imu_sim_ros.parameters import files
@@ -332,7 +332,7 @@ class Twin:
         if self.check is not None and seed == 0:
             real, simulated = self.check.flown
             return (real.t, real.residuals), (simulated.t, simulated.residuals)
-        return compare_with_twin(self.source, self.analysis.fit, self.parameters, seed)
+        return real_and_twin_residuals(self.source, self.analysis.fit, self.parameters, seed)
 
     def simulate(self, seed: int = 0) -> Flight:
         """Return the twin's flight along the truth, at the truth's times.
@@ -513,8 +513,7 @@ def _split_at(whole: Recording, seconds: float, name: str) -> tuple[Recording, R
     if end - begin - seconds < _LEAST_FIT:
         raise InputError(
             f"{argument_prefix('fit', f'{seconds:g}')}: must leave {_LEAST_FIT:g} s of the "
-            f"{end - begin:.4g} s of {name} "
-            "to compare the twin with"
+            f"{end - begin:.4g} s of {name} to compare the twin with"
         )
     return whole.part(begin, begin + seconds), whole.part(begin + seconds, np.inf)
 

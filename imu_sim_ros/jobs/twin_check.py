@@ -280,7 +280,7 @@ def _imu_motion(source: TwinRecording, t: Array, errors: Errors, world: Array) -
     return motion._replace(position=imu.position, velocity=imu.velocity, q_wb=imu.q_wb)
 
 
-def compare_with_twin(
+def real_and_twin_residuals(
     source: TwinRecording, fit: Fit, parameters: dict[str, Value], seed: int
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return times and residuals of the part that was fitted, and those of a twin on it."""

@@ -161,7 +161,7 @@ def form_of_output(
         ),
         split_size=arguments.integer("split_size", size_limit, "bytes, 0 or more", 0, 1 << 62),
     )
-    written, renamed = arguments.string_list("topics", topics), rename_topics(rename)
+    written, renamed = arguments.string_list("topics", topics), new_topic_names(rename)
     path = arguments.path("path", output, _OUTPUT_PATH)
     if not path.name:  # the files next to it are named after it
         raise InputError(f"{str(path)!r}: is not a file name")
@@ -179,7 +179,7 @@ def form_of_output(
     return path, Form(dataset, bag, written, renamed)
 
 
-def rename_topics(names: Mapping[str, str] | None) -> Mapping[str, str]:
+def new_topic_names(names: Mapping[str, str] | None) -> Mapping[str, str]:
     """Return names in a bag by the topics' own, the argument ``rename``."""
     if names is None:
         return {}
@@ -292,7 +292,7 @@ def is_file(path: object) -> TypeGuard[str | Path]:
         return False
 
 
-def count_texts(messages: Mapping[str, int]) -> str:
+def counts_text(messages: Mapping[str, int]) -> str:
     """Return the numbers of messages by topic as text."""
     return ", ".join(f"{count:,} {name}" for name, count in messages.items())
 
