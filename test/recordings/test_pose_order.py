@@ -277,7 +277,7 @@ def test_stamps_of_long_recordings_are_judged_in_pieces():
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
 def test_the_stamps_of_transforms_are_those_that_rosbags_reads(encoding):
-    """Messages of one to three transforms between random frames, in a random order, one damaged."""
+    """Messages of one to three transforms between random frames, in a random order, some damaged."""
     rng, kind = np.random.default_rng(4), "tf2_msgs/msg/TFMessage"
     store = get_typestore(Stores.ROS2_JAZZY if encoding == "cdr" else Stores.ROS1_NOETIC)
     if kind not in store.types:
@@ -299,8 +299,9 @@ def test_the_stamps_of_transforms_are_those_that_rosbags_reads(encoding):
         message = make["TFMessage"](transforms)
         serialize = store.serialize_cdr if encoding == "cdr" else store.serialize_ros1
         payloads.append(bytes(serialize(message, kind)))
-    for damaged in (payloads[0][:50], b"", b"\xff" * len(payloads[0])):
-        payloads.append(damaged)
+    short = [payload[:50] for payload in payloads[:9]]
+    big_endian = [b"\0\0" + payload[2:] for payload in payloads[:9] if encoding == "cdr"]
+    payloads += [*short, *big_endian, b"", b"\xff", b"\xff" * len(payloads[0])]
     stamps = {
         (parent, child): [*zip(rows.tolist(), t_ns.tolist(), strict=True)]
         for parent, child, rows, t_ns in transform_stamps(payloads, encoding)

@@ -36,19 +36,25 @@ class _Parts:
     """A message whose parts are read one after the other."""
 
     def __init__(self, payload: bytes, encoding: str) -> None:
-        """Begin with the first part.
-
-        :raises ValueError: for other encodings.
-        """
+        """Begin with the first part."""
         self._is_cdr = encoding == "cdr"
-        if self._is_cdr and payload[:2] != _CDR_KIND:
-            raise ValueError("not little-endian CDR")
         self._start = _ENCAPSULATION if self._is_cdr else 0
         self._payload, self._offset = payload, 0
         self.structure = np.zeros(len(payload), np.bool_)
-        """True for the bytes of lengths and texts, on which the places of all others depend."""
+        """True for the bytes of the encoding, lengths and texts so far.
+
+        The places of all others depend on them, and whether the message can be read.
+        """
         self.structure[: self._start] = True
         self.stamp_kind = np.dtype([("second", "<i4" if self._is_cdr else "<u4"), ("rest", "<u4")])
+
+    def check_encoding(self) -> None:
+        """Check the first bytes of a message in CDR.
+
+        :raises ValueError: for big-endian numbers, and other encodings than plain CDR.
+        """
+        if self._is_cdr and self._payload[:2] != _CDR_KIND:
+            raise ValueError("not little-endian CDR")
 
     def _align(self, size: int) -> None:
         if self._is_cdr:
@@ -99,7 +105,7 @@ class _Parts:
 def transform_stamps(payloads: Payloads, encoding: str) -> Iterator[TransformStamps]:
     """Yield the stamps between each two frames in n tf2_msgs/TFMessage; other bytes are left out.
 
-    Messages that differ in stamps and numbers alone are read together.
+    Messages that differ in stamps and numbers alone are read, or left out, together.
     """
     stamps_by_frames = dict[tuple[str, str], list[tuple[Integers, Times]]]()
     messages = [bytes(payload) for payload in as_list(payloads)]
@@ -109,15 +115,14 @@ def transform_stamps(payloads: Payloads, encoding: str) -> Iterator[TransformSta
         table = np.frombuffer(b"".join(messages[row] for row in rows), np.uint8)
         table = table.reshape(len(rows), size)
         while len(rows):
-            alike = np.arange(len(rows)) == 0
+            parts = _Parts(table[0].tobytes(), encoding)
             try:
-                parts = _Parts(table[0].tobytes(), encoding)
+                parts.check_encoding()
                 transforms = [_transform(parts) for _ in range(parts.length())]
             except ValueError:  # no such message
                 transforms = []
-            else:
-                structure = np.flatnonzero(parts.structure)
-                alike = np.all(table[:, structure] == table[0, structure], axis=1)
+            structure = np.flatnonzero(parts.structure)
+            alike = np.all(table[:, structure] == table[0, structure], axis=1)
             for parent, child, place in transforms:
                 stamps = parts.stamps(table[alike], place)
                 stamps_by_frames.setdefault((parent, child), []).append((rows[alike], stamps))
@@ -142,6 +147,7 @@ def path_stamps(payload: bytes, encoding: str) -> Times:
     :raises ValueError: for bytes that are no such message.
     """
     parts = _Parts(payload, encoding)
+    parts.check_encoding()
     parts.header()
     places = []
     for _ in range(parts.length()):
