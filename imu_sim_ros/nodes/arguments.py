@@ -97,7 +97,7 @@ def _ros_parameters(
     :param problems: receives a line for each argument that is none.
     """
     declarations = parameters(section)
-    ros_arguments: list[str] = []
+    overrides: list[str] = []
     rest = iter(program_arguments)
     for word in rest:
         if word in _OF_ROS:
@@ -122,8 +122,8 @@ def _ros_parameters(
         quoted = kind in ("text", "choice")
         with problems.collect():
             rule = f'{name}:="{value}"' if quoted else _check_rule(f"{name}:={value}")
-            ros_arguments += ["-p", rule]
-    return ros_arguments
+            overrides += ["-p", rule]
+    return overrides
 
 
 def _check_rule(rule: str) -> str:

@@ -78,9 +78,8 @@ class ConfiguredNode(Node, Generic[_Section]):
         self.section = section
         if "seed" in parameters(self.section):  # no two nodes of a graph have the same noise
             overrides.setdefault("seed", seed_of_node(self.get_fully_qualified_name()))
-        for other_name in parameters_of_other_nodes(
-            self.section, overrides
-        ):  # -p seed:=3 is given to all of a process
+        # Arguments such as -p seed:=3 are those of all nodes in a process.
+        for other_name in parameters_of_other_nodes(self.section, overrides):
             del overrides[other_name]
             self.get_logger().warning(
                 f"{other_name}: is a parameter of another node; no effect here"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.nodes.parameters import ConfiguredNode
 
 _SWITCH_INTERVAL: Final = 0.001
-"""Time after which a thread passes the interpreter on [s]; by Python's 5 ms, readings wait longer
+"""Time after which a thread passes the interpreter on [s]; with Python's 5 ms, readings wait longer
 for the callbacks of diagnostics, parameters and discovery."""
 _SHUTDOWN: Final = 0.1
 """Longest wait of the shutdown for callbacks that are waiting themselves [s]."""

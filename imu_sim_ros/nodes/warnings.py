@@ -63,7 +63,7 @@ class Refusals:
     ) -> Sequence[_StampedT]:
         """Return the messages of a topic whose stamps are a time; others are refused.
 
-        Once the watch is done all of them are.
+        :param stamps: watch of the topic's stamps; not to be called once it is done.
         """
         passed: list[_StampedT] = []
         for message in messages:

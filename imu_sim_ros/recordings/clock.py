@@ -361,7 +361,8 @@ def _interval_of_fewest_losses(rows: Integers, heads: Times, unit_ns: float, mea
     For each of many intervals the stamps are followed in a strip as wide as the rounding: a stamp
     beyond its upper end has losses before it; one beyond its lower end contradicts the interval.
 
-    :param rows: (k,) rows of the first stamps of batches; ``heads``: (k,) these stamps [ns].
+    :param rows: (k,) rows of the first stamps of batches.
+    :param heads: (k,) these stamps [ns].
     :param unit_ns: unit to which the stamps are rounded [ns].
     :param mean: duration over the number of stamps [ns]; losses make it longer than the interval.
     """

@@ -58,8 +58,8 @@ class LiveClock:
         self._last_ns: int | None = None
         self._change_count = self._pauses = 0
 
-    def restart(self) -> "LiveClock":
-        """Return a clock with the same gap before its first stamp."""
+    def copy_without_stamps(self) -> "LiveClock":
+        """Return a clock with the same length of a gap, before its first stamp."""
         return LiveClock(self._max_gap)
 
     def add(self, t_ns: Times, changes: Mask | None = None) -> None:

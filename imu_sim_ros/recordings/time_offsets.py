@@ -347,8 +347,8 @@ class _Pair:
         axes, residuals = self._fit(rates)
         directions = _turn_directions(rates)
         solution = np.linalg.lstsq(rates @ directions, self._rates, rcond=None)[0]
+        # (3, 3) matrix by which the rates of the gyroscope explain the others.
         mounting = directions @ solution
-        """(3, 3) matrix by which the rates of the gyroscope explain the others."""
 
         def shift_derivatives(differences: Array, seconds: float) -> Array:
             """Return derivatives (n, 3) [rad/s^2] outside the axes that the mounting can explain.

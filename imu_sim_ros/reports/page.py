@@ -22,7 +22,7 @@ import numpy as np
 from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS
 from imu_sim_ros.core.names import printable_text
 from imu_sim_ros.core.types import JsonObject
-from imu_sim_ros.terminal.json_text import json_text as to_json
+from imu_sim_ros.terminal.json_text import json_text
 
 _SCRIPTS: Final = (
     *("base.js", "plot.js", "path.js", "table.js"),
@@ -84,7 +84,7 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
 
 def json_for_script(content: object) -> str:
     """Return content as JSON that is safe in a script element."""
-    text = to_json(content, _six_digits, separators=(",", ":"))
+    text = json_text(content, _six_digits, separators=(",", ":"))
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     return text

@@ -277,7 +277,7 @@ def test_stamps_of_long_recordings_are_judged_in_pieces():
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
 def test_the_stamps_of_transforms_are_those_that_rosbags_reads(encoding):
-    """Messages of one to three transforms between random frames, in a random order, some damaged."""
+    """Messages of one to three transforms between random frames in random order, some damaged."""
     rng, kind = np.random.default_rng(4), "tf2_msgs/msg/TFMessage"
     store = get_typestore(Stores.ROS2_JAZZY if encoding == "cdr" else Stores.ROS1_NOETIC)
     if kind not in store.types:

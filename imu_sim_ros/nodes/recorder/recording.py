@@ -216,7 +216,7 @@ class RecordedTopic:
         self.messages += 1
         self.unset += stamp_ns is None
         if stamp_ns is not None and not self.stamped:
-            self.stamped, self.clock = True, self.clock.restart()
+            self.stamped, self.clock = True, self.clock.copy_without_stamps()
             self.unseen.clear()
             self.changes.clear()
         if stamp_ns is None and self.stamped:
