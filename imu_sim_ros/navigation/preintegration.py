@@ -148,8 +148,16 @@ def preintegrate(
         beta = betas[-1]
         f, g = f.reshape(*h.shape, SIZE, SIZE), g.reshape(*h.shape, SIZE, 12)
         errors.extend(h, f, g, forces, rates)
-    mean = (readings.h.sum(axis=1), alpha, beta, gamma[-1])
-    return Preintegration(*mean, errors.jacobian, errors.total(), accel_bias, gyro_bias)
+    return Preintegration(
+        duration=readings.h.sum(axis=1),
+        alpha=alpha,
+        beta=beta,
+        gamma=gamma[-1],
+        jacobian=errors.jacobian,
+        covariance=errors.total(),
+        accel_bias=accel_bias,
+        gyro_bias=gyro_bias,
+    )
 
 
 def _pairs(values: Array) -> Array:

@@ -48,16 +48,16 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
     low, high = np.log(10.0 * spectrum.sample_interval), np.log(duration)
 
     @cache  # searches revisit earlier points
-    def fit_at(log_time: float, sigma: float = np.nan) -> Fits:
-        """Fit the noise, and sigma unless it is given, at one correlation time."""
+    def fit_at(log_time: float, sigma: float) -> Fits:
+        """Fit the noise at one correlation time with a given sigma; NaN: the best one."""
         process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
         return fit(data, np.column_stack([white, process]), fixed=np.array([np.nan, sigma**2]))
 
-    def lowest_at(log_times: Array, sigma: float = np.nan) -> Array:
+    def lowest_at(log_times: Array, sigma: float) -> Array:
         return np.array([fit_at(log_time, sigma).lowest for log_time in log_times.tolist()])
 
-    log_time = minimum(lowest_at, low, high, _GRID)
-    best = fit_at(log_time)
+    log_time = minimum(lambda x: lowest_at(x, np.nan), low, high, _GRID)
+    best = fit_at(log_time, np.nan)
     process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
     estimates = _standard_terms(data, standard, white, process)
     sigma = float(np.sqrt(best.components[0, 1]))
@@ -73,7 +73,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
         sigma if visible else None, sigma_low if visible else 0.0, sigma_high
     )
     estimates[CORRELATION_TIME] = _time_interval(
-        lambda x: fit_at(x).lowest, log_time, best.lowest, low, high, visible
+        lambda x: fit_at(x, np.nan).lowest, log_time, best.lowest, low, high, visible
     )
     return AxisNoise(estimates, (WHITE.key, SIGMA, CORRELATION_TIME), best.expected[0])
 

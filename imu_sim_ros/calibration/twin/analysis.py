@@ -170,18 +170,21 @@ def analyse(
     floor = spectrum.white_floor(constant_bands, _LOWEST_WHITE)
     floor = spectrum.bound_above(floor, constant_whole.density.min(axis=0))
     white = spectrum.bound_below(floor, spectrum.quietest_density(recording.readings, rate))
+    bias_t, bias, bias_sigma = _bias_over_time(recording, fitted, whole)
     return Analysis(
-        fitted,
-        lines,
-        bands,
-        white,
-        spectrum.above_floor(bands, white),
-        intensity.range_edges(rate),
-        exponents,
-        reference,
-        np.maximum(np.exp(logs[rows].max(axis=0)), 1.0),
-        tuple(parts),
-        *_bias_over_time(recording, fitted, whole),
+        fit=fitted,
+        lines=lines,
+        bands=bands,
+        white=white,
+        vibration=spectrum.above_floor(bands, white),
+        range_edges=intensity.range_edges(rate),
+        exponents=exponents,
+        reference=reference,
+        largest=np.maximum(np.exp(logs[rows].max(axis=0)), 1.0),
+        parts=tuple(parts),
+        bias_t=bias_t,
+        bias=bias,
+        bias_sigma=bias_sigma,
     )
 
 
