@@ -262,10 +262,10 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
             remaining = count - done
             to_boundary = AHEAD - self.position % AHEAD
             step = remaining if self._pending is None else min(remaining, to_boundary)
-            rows = readings.rows(slice(done, done + step))
+            block = readings.rows(slice(done, done + step))
             internal_rows = slice(done * ratio, (done + step) * ratio)
             gyro, accel = (triad[internal_rows] for triad in internal)
-            blocks.append(self._apply(imu, rows, gyro, accel))
+            blocks.append(self._apply(imu, block, gyro, accel))
             done += step
         return blocks
 

@@ -495,10 +495,8 @@ def join_layers(lower: Mapping[str, object], upper: Mapping[str, object]) -> dic
     The sensors of both layers are kept. Cameras that ``upper`` lists replace those of ``lower``,
     whose own parameters are left out.
     """
-    dropped = (
-        set(names_in_parameter("cameras", lower)) if names_in_parameter("cameras", upper) else set()
-    )
-    dropped -= {*names_in_parameter("cameras", upper)}
+    cameras = names_in_parameter("cameras", upper)
+    dropped = {*names_in_parameter("cameras", lower)} - {*cameras} if cameras else set()
     remaining = {
         name: value for name, value in lower.items() if name.partition(".")[0] not in dropped
     }

@@ -263,7 +263,6 @@ def _fit_times(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> U
     :param prefix: start of the names of its parameters, for messages.
     :raises ConfigurationError: for a waypoint that cannot be reached in time.
     """
-    # Smoothing spreads a rest's control points: motion is scheduled a margin away from each rest.
     end = float(visits.arrivals[-1])
     _check_steps(end * 2.0 * _KERNEL / p.smoothing_time, np.diff(visits.arrivals))
     way = _way(path, p)
@@ -271,6 +270,7 @@ def _fit_times(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> U
     waits = visits.departures - visits.arrivals
     rests = waits > 0.0
     rests[[0, -1]] = True
+    # Smoothing spreads a rest's control points: motion is scheduled a margin away from each rest.
     margin = np.where(rests, _KERNEL * step, 0.0)
     needed = visits.arrivals[1:] - margin[1:] - visits.departures[:-1] - margin[:-1]
     lengths = np.diff(way.s[way.waypoint_index])
@@ -312,6 +312,7 @@ def _keep_visits(
 
     step = float(t[1] - t[0])
     # It must stay at rest as long as control points of a rest act.
+    # Smoothing spreads a rest's control points: motion is scheduled a margin away from each rest.
     margin = np.where(rests, _KERNEL * step, 0.0)
     times = np.concatenate(
         [visits.arrivals - margin, visits.arrivals, visits.departures, visits.departures + margin]

@@ -62,12 +62,12 @@ _OF_THE_GYROSCOPE: Final = ("g_sensitivity", "g_sensitivity_sigma", "g_squared_s
 
 
 class WhiteTerms(NamedTuple):
-    """Variance of white noise and rounding in the readings of a triad, by their rate."""
+    """Terms of the variance of white noise and rounding in the readings of a triad."""
 
     by_rate: Array
-    """(3,) share of it that grows with the rate of the readings."""
+    """(3,) variance per rate of the readings [unit of the triad^2 / Hz]."""
     constant: Array
-    """(3,) share that no rate changes."""
+    """(3,) variance at any rate [unit of the triad^2]."""
 
     def variance(self, rate: float) -> Array:
         """Return the variance (3,) of a reading.
@@ -321,7 +321,7 @@ class TriadParameters:
         """
         return self.white_terms().variance(rate)
 
-    def white_terms(self) -> "WhiteTerms":
+    def white_terms(self) -> WhiteTerms:
         """Return the terms of :meth:`white_variance`.
 
         Rounding to steps of LSB is white noise of ``LSB^2 / 12`` (Widrow 1956).
