@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import errno
 import io
 import os
 import re
@@ -85,14 +84,14 @@ class _View(io.RawIOBase):
         return True
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Move to an offset from the start, the position or the end; returns the position."""
+        """Move to an offset from the start, the position or the end; returns the position.
+
+        :raises OSError: for a position that no file of the system can have.
+        """
         if whence == os.SEEK_CUR:
-            offset += self._offset
-        elif whence == os.SEEK_END:
-            offset += os.fstat(self.fileno()).st_size
-        if offset < 0:
-            raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
-        self._offset = offset
+            offset, whence = offset + self._offset, os.SEEK_SET
+        # The system checks the position; nobody reads at that of the descriptor.
+        self._offset = os.lseek(self.fileno(), offset, whence)
         return self._offset
 
     def readinto(self, buffer: WriteableBuffer) -> int:

@@ -3,6 +3,7 @@
 
 """Files that the parts of a program share: open once, and they read the same for all of them."""
 
+import errno
 import os
 import shutil
 import sys
@@ -116,6 +117,30 @@ def test_a_text_that_changed_is_read_anew(tmp_path):
         for text in ("first", "second text"):
             path.write_text(text)
             assert read_text(path) == text
+
+
+def seek_outcome(stream, offset):
+    """Return the new position of a stream, or the number of the system's error."""
+    try:
+        return stream.seek(offset)
+    except OSError as error:
+        return error.errno
+
+
+def test_a_shared_file_moves_as_any_file(tmp_path):
+    """Views have positions of their own, and refuse those that damaged logs name as files do."""
+    path = tmp_path / "file"
+    path.write_bytes(bytes(range(100)))
+    with open_files_once(), open_shared(path) as view, open_shared(path) as other:
+        with path.open("rb") as file:
+            for offset, whence in ((90, 0), (-5, 1), (-3, 2), (200, 0)):
+                assert view.seek(offset, whence) == file.seek(offset, whence)
+                assert view.read(2) == file.read(2)
+                assert view.tell() == file.tell()
+            for offset in (-1, 2**62):  # the largest one depends on the file system
+                assert seek_outcome(view, offset) == seek_outcome(file, offset)
+            assert seek_outcome(view, -1) == errno.EINVAL
+        assert other.read() == path.read_bytes()
 
 
 def test_logs_are_opened_once(tmp_path, capsys):
