@@ -6,14 +6,12 @@
 import errno
 import os
 import shutil
-import sys
-from collections import Counter
-from pathlib import Path
 
 import device_logs
 import numpy as np
 import pytest
 import ulog
+from openings import count_openings
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.files import open_bag
@@ -153,18 +151,10 @@ def test_logs_are_opened_once(tmp_path, capsys):
         write(path, flight)
     shutil.make_archive(str(paths[1]), "zip", paths[1])
     ulog.write(paths[4], ulog.flight_topics(flight))
-    counts = Counter()
-
-    def note(event: str, arguments: tuple[object, ...]) -> None:
-        if event == "open" and isinstance(arguments[0], str | os.PathLike):
-            counts[Path(arguments[0])] += 1
-
-    sys.addaudithook(note)
     for path in paths:
         if path.suffix == ".ulg":
             pytest.importorskip("pyulog")
-        files = [file for file in (path, *path.rglob("*")) if file.is_file()]
-        counts.clear()
-        assert inspect.main([str(path), "--json"]) == 0, capsys.readouterr().err
-        assert {counts[file] for file in files} <= {0, 1}, (path, counts)
-        assert sum(counts[file] for file in files), path
+        with count_openings(path) as counts:
+            assert inspect.main([str(path), "--json"]) == 0, capsys.readouterr().err
+        assert set(counts.values()) <= {0, 1}, (path, counts)
+        assert counts.total(), path

@@ -5,13 +5,11 @@
 
 import importlib
 import json
-import os
 import subprocess
 import sys
-from collections import Counter
-from pathlib import Path
 
 import yaml
+from openings import count_openings
 
 from imu_sim_ros import __version__
 from imu_sim_ros.commands.start import PROGRAMS
@@ -47,43 +45,21 @@ PLAN = {
 }
 
 
-class Openings:
-    """Counts of the openings of files, while there is a folder of those that count."""
-
-    def __init__(self):
-        self.folder = None
-        self.counts = Counter()
-        sys.addaudithook(self._note)
-
-    def of_existing_files(self, folder):
-        """Count from now on those of files that a folder has now."""
-        self.counts.clear()
-        self.folder = {path for path in folder.rglob("*") if path.is_file()}
-
-    def _note(self, event, arguments):
-        if event == "open" and self.folder and isinstance(arguments[0], str | os.PathLike):
-            path = Path(os.path.abspath(arguments[0]))
-            if path in self.folder:
-                self.counts[str(path)] += 1
-
-
 def test_each_runs_once(tmp_path, monkeypatch, capsys):
     """Each program works, and opens each file that it reads once."""
     monkeypatch.chdir(tmp_path)
-    openings = Openings()
     (tmp_path / "plan.yaml").write_text(yaml.safe_dump(PLAN))
     assert {line.split()[0] for line in RUNS} == set(PROGRAMS) - {"control", "view"}
     for line in RUNS:
         program, *argv = line.split()
-        openings.of_existing_files(tmp_path)
-        status = importlib.import_module(f"imu_sim_ros.commands.{program}").main(argv)
+        with count_openings(tmp_path) as counts:
+            status = importlib.import_module(f"imu_sim_ros.commands.{program}").main(argv)
         captured = capsys.readouterr()
-        often = {path for path, count in openings.counts.items() if count > 1}
+        often = {path for path, count in counts.items() if count > 1}
         assert not often, (line, often)
         assert status == 0, (line, captured.err)
         if "--json" in argv:
             assert json.loads(captured.out), line
-    openings.folder = None
     for name in ("track.png", "errors.png", "twin/twin.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
     for name in (
