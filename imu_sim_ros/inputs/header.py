@@ -10,7 +10,7 @@ rostopic, phone loggers and spreadsheets: each name is split into quantity, axis
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from imu_sim_ros.core.conventions import ABSOLUTE_ZERO, AXES, FAHRENHEIT, STANDARD_GRAVITY
@@ -401,10 +401,11 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
             for name in names
         ],
     )
-    problems = list(_problems(names, columns, place))
+    columns = _resolve_bare_axes(columns, place)
+    problems = list(_problems(names, columns))
     if problems:
         raise ValueError("; ".join(problems))
-    places, units = _columns_by_quantity(columns, _quantity_of_bare_axes(columns, place))
+    places, units = _columns_by_quantity(columns)
     stamp, nanosecond = _stamp_columns(names, columns)
     return TableHeader(
         len(names),
@@ -422,22 +423,19 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
 
 
 def _columns_by_quantity(
-    columns: Sequence[ColumnName | None], bare_quantity: str | None
+    columns: Sequence[ColumnName | None],
 ) -> tuple[dict[str, dict[str, int]], dict[str, str]]:
     """Return the number of each axis' column, and the unit, of each quantity except stamps.
 
     All columns of a quantity have the same unit.
-
-    :param bare_quantity: quantity of the columns ``x``, ``y``, ``z`` without a name.
     """
     places: dict[str, dict[str, int]] = {}
     units: dict[str, str] = {}
     for k, column in enumerate(columns):
         if column is None or column.quantity == STAMP:
             continue
-        quantity = str(bare_quantity) if column.quantity == _BARE else column.quantity
-        places.setdefault(quantity, {})[column.axis] = k
-        units.setdefault(quantity, column.unit)
+        places.setdefault(column.quantity, {})[column.axis] = k
+        units.setdefault(column.quantity, column.unit)
     return places, units
 
 
@@ -553,6 +551,17 @@ def is_known(names: Sequence[str]) -> bool:
     return any(column is not None and column.quantity != _BARE for column in columns)
 
 
+def _resolve_bare_axes(columns: Sequence[ColumnName | None], place: str) -> list[ColumnName | None]:
+    """Return columns in which ``x, y, z`` without a name have their quantity, if it is known."""
+    quantity = _quantity_of_bare_axes(columns, place)
+    return [
+        replace(column, quantity=quantity)
+        if quantity is not None and column is not None and column.quantity == _BARE
+        else column
+        for column in columns
+    ]
+
+
 def _quantity_of_bare_axes(columns: Sequence[ColumnName | None], place: str) -> str | None:
     """Return the quantity of columns x, y, z; None: unknown."""
     kinds = {column.quantity for column in columns if column is not None}
@@ -565,9 +574,7 @@ def _quantity_of_bare_axes(columns: Sequence[ColumnName | None], place: str) -> 
     return None
 
 
-def _problems(
-    names: Sequence[str], columns: Sequence[ColumnName | None], place: str
-) -> Iterator[str]:
+def _problems(names: Sequence[str], columns: Sequence[ColumnName | None]) -> Iterator[str]:
     """Yield the unknown and contradictory parts of a header."""
     kinds = [column for column in columns if column is not None]
     if not any(column.quantity == STAMP for column in kinds):
@@ -592,7 +599,7 @@ def _problems(
             fitting = ", ".join(unit for unit in usual if unit in allowed)
             yield f"{name}: the unit {column.unit} is not one of {fitting or 'none'}"
     quantities = {column.quantity for column in kinds} - {STAMP}
-    if _BARE in quantities and _quantity_of_bare_axes(columns, place) is None:
+    if _BARE in quantities:
         yield (
             f"the header {_names_text(names)} does not say whose x, y, z they are; name them "
             "gyro_x, accel_x, or the file gyroscope or accelerometer"

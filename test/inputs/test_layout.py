@@ -193,6 +193,21 @@ def test_a_table_of_one_triad_has_no_other(tmp_path):
         read_imu(write(tmp_path / "log.csv", header, T_NS, *columns))
 
 
+@pytest.mark.parametrize(
+    ("header", "reason"),
+    [
+        ("timestamp,x [m],y [m],z [m]", "x .m.: the unit m is not one of m/s.2, g, mg"),
+        ("timestamp,x,y", "has no accelerometer z"),
+        ("timestamp,accel_x [g],accel_y [g],accel_z [g],x,y,z", "are both accelerometer x"),
+    ],
+)
+def test_axes_named_by_the_file_are_checked_as_named_columns(tmp_path, header, reason):
+    columns = (ACCEL, GYRO)[: 1 + (header.count(",") > 3)]
+    path = write(tmp_path / "accelerometer.csv", header, T_NS, *columns)
+    with pytest.raises(InputError, match=reason):
+        read_imu(path)
+
+
 @pytest.mark.parametrize("start_ns", [-5_000_000, T0])
 def test_a_first_row_of_numbers_is_no_header(tmp_path, start_ns):
     stamps = start_ns + 5_000_000 * np.arange(N)
