@@ -1,7 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sample times as int64 nanoseconds, each computed from its index, never by accumulation."""
+"""Times as int64 nanoseconds: those of samples, and values interpolated to others.
+
+The time of a sample is computed from its index, never by accumulation.
+"""
 
 import math
 import re
@@ -85,6 +88,20 @@ def exact_rate(rate: float) -> Fraction:
 def seconds_since(t_ns: Integers, t0_ns: int) -> Array:
     """Return times as float seconds after ``t0_ns``; the difference is taken in integers."""
     return (t_ns - t0_ns).astype(np.float64) * 1e-9
+
+
+def interpolate_columns(t_ns: Integers, at_ns: Integers, values: Array) -> Array:
+    """Return columns (m, k) of values at other times; beyond the ends they are constant.
+
+    :param t_ns: (n,) times of the values [ns], in any order.
+    :param at_ns: (m,) other times [ns].
+    :param values: (n, k) values, between which the columns are linear.
+    """
+    order = np.argsort(t_ns, kind="stable")
+    start_ns = int(t_ns[order[0]])
+    abscissae = (t_ns[order] - start_ns).astype(np.float64)
+    times = (at_ns - start_ns).astype(np.float64)
+    return np.column_stack([np.interp(times, abscissae, column) for column in values[order].T])
 
 
 @lru_cache(maxsize=64)

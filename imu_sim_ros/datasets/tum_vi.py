@@ -25,7 +25,7 @@ from imu_sim_ros.bags.text.writer import EUROC_IMU_HEADER
 from imu_sim_ros.bags.writer import describe_amount
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.core.timebase import interpolate_columns
 from imu_sim_ros.datasets.images import ImageFolders, image_name
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.images.files import png
@@ -189,7 +189,7 @@ class TumVi:
             image_ns = stamps[(stamps >= start_ns) & (stamps <= t_ns[-1])]
             image_ns = image_ns[~np.isin(image_ns, t_ns)]
             known_values = np.concatenate([previous[1], values])
-            image_values = interpolate_rows(image_ns, known_ns, known_values)
+            image_values = interpolate_columns(known_ns, image_ns, known_values)
             order = np.argsort(np.concatenate([t_ns, image_ns]), kind="stable")
             rows = [
                 np.concatenate([t_ns, image_ns])[order],
@@ -198,13 +198,6 @@ class TumVi:
             file.write(decimals.lines(rows, " "))
             previous = (t_ns[-1:], values[-1:])
         file.finish()
-
-
-def interpolate_rows(t_ns: Times, known_ns: Times, values: Array) -> Array:
-    """Return values (m, k) at times (m,), interpolated between rows (n, k) at times (n,)."""
-    start = known_ns[0]
-    columns = [np.interp(t_ns - start, known_ns - start, column) for column in values.T]
-    return np.stack(columns, axis=1)
 
 
 def dso_lens(camera: CameraParameters) -> str | None:

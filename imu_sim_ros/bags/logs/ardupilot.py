@@ -24,6 +24,7 @@ from imu_sim_ros.core.conventions import TRIADS, TRUTH_TOPIC
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.rotation import from_euler
+from imu_sim_ros.core.timebase import interpolate_columns
 from imu_sim_ros.core.types import AnyArray, Array, Mask, Times
 from imu_sim_ros.inputs.rows import open_regular, open_shared
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
@@ -440,7 +441,7 @@ def _receivers(tables: Tables, remarks: list[str]) -> Iterator[LogStream]:
         accuracy = accuracies.get(table.instance)
         stated = None if accuracy is None else accuracy.vector("HAcc", "VAcc", "SAcc")
         if accuracy is not None and stated is not None:
-            deviations = log.interpolate_columns(accuracy.t_ns, t_ns, stated)
+            deviations = interpolate_columns(accuracy.t_ns, t_ns, stated)
         latitude, longitude, height = place.T
         yield log.fix(
             table.topic,

@@ -347,18 +347,6 @@ def _neighbours(t_ns: Times) -> tuple[Integers, Integers, Array]:
     return start, end, np.where(seconds > 0.0, seconds, np.inf)[:, None]
 
 
-def interpolate_columns(t_ns: Times, at_ns: Times, values: Array) -> Array:
-    """Return columns (m, k) interpolated to ``at_ns`` (m,); beyond the ends they are constant.
-
-    :param t_ns: (n,) times of the values (n, k), in any order.
-    """
-    order = np.argsort(t_ns, kind="stable")
-    start_ns = int(t_ns[order[0]])
-    abscissae = (t_ns[order] - start_ns).astype(np.float64)
-    times = (at_ns - start_ns).astype(np.float64)
-    return np.column_stack([np.interp(times, abscissae, column) for column in values[order].T])
-
-
 def attitudes_at(t_ns: Times, at_ns: Times, q_wb: Array) -> Array:
     """Return attitudes (m, 4) at the times ``at_ns`` (m,), on the shortest arc between two.
 

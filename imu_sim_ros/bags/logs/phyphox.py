@@ -28,6 +28,7 @@ from imu_sim_ros.bags.logs.archive import Archive
 from imu_sim_ros.bags.logs.columns import ColumnTable
 from imu_sim_ros.bags.logs.log import Contents, LogStream, LogTriad
 from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD
+from imu_sim_ros.core.timebase import interpolate_columns
 from imu_sim_ros.core.types import Array, Times
 
 MEMORY = 7
@@ -249,7 +250,7 @@ def _specific_force(sets: Sequence[_Set], clock: _Clock, remarks: list[str]) -> 
         )
         return None
     motion, down = _triad(topic, motions[0], clock), _triad("", gravity, clock)
-    values = log.interpolate_columns(down.t_ns, motion.t_ns, down.values)
+    values = interpolate_columns(down.t_ns, motion.t_ns, down.values)
     remarks.append("the specific force is the sum of acceleration and gravity")
     return LogTriad(topic, motion.aliases, motion.t_ns, motion.values + values)
 

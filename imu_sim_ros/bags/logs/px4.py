@@ -30,6 +30,7 @@ from imu_sim_ros.bags.messages.encode import (
 from imu_sim_ros.core.conventions import AXES, TRIADS, TRUTH_TOPIC, WORLD_FRAME
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.rotation import to_matrix
+from imu_sim_ros.core.timebase import interpolate_columns
 from imu_sim_ros.core.types import AnyArray, Array, Mask, Times
 from imu_sim_ros.inputs.rows import open_shared
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
@@ -375,7 +376,7 @@ def _rates_at(instances: Sequence[_Topic], t_ns: Times) -> Array | None:
         times = topic.t_ns
         if rates is None or times.min() > t_ns.min() or times.max() < t_ns.max():
             return None
-        return log.interpolate_columns(times, t_ns, axes.flu(rates))
+        return interpolate_columns(times, t_ns, axes.flu(rates))
     return None
 
 

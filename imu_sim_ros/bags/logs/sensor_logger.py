@@ -25,6 +25,7 @@ from imu_sim_ros.bags.logs.log import Contents, LogOrientations, LogStream, LogT
 from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.rotation import multiply, normalise, rotate
+from imu_sim_ros.core.timebase import interpolate_columns
 from imu_sim_ros.core.types import Array, Times
 
 MEMORY = 7
@@ -214,7 +215,7 @@ class _Recording:
             return None
         t_ns, values = motion.t_ns, gravity.values
         if not np.array_equal(t_ns, gravity.t_ns):
-            values = log.interpolate_columns(gravity.t_ns, t_ns, values)
+            values = interpolate_columns(gravity.t_ns, t_ns, values)
         self._remarks.append("Accelerometer: the specific force is the sum with Gravity")
         return LogTriad(motion.topic, motion.aliases, t_ns, motion.values + values)
 
