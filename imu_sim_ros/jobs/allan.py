@@ -311,7 +311,7 @@ def allan(
             arguments.refuse("source", source, BAG_OR_FILE)
         units = gyro_unit, accel_unit
         choice = check_choice(topic, frame, gyro_topic, accel_topic, *units, of_a_file=True)
-        analysis = _analyse_files(paths, choice, topic, model, force, skip_bad_rows)
+        analysis = _analyse_files(paths, choice, model, force, skip_bad_rows)
         name, origin = ", ".join(map(name_of, paths)), ", ".join(map(str, paths))
     else:
         selection = (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
@@ -348,14 +348,13 @@ class _Analysis(NamedTuple):
 def _analyse_files(
     paths: Sequence[Path],
     choice: Choice,
-    topic: str | None,
     model: str,
     force: bool,
     skip_bad_rows: bool,
 ) -> _Analysis:
     """Return the analysis of files, read block by block because records at rest are long.
 
-    :param choice: selection of the readings in each file; ``topic``: its topic, to count messages.
+    :param choice: selection of the readings in each file.
     """
     # Flights and records need no file.
     from imu_sim_ros.formats.door import reading_blocks
@@ -374,7 +373,7 @@ def _analyse_files(
     problems: list[str] = []
     notes: list[str] = []
     checked_blocks = (_judge_units(blocks, problems, notes) for blocks in blocks_of_files)
-    reading = progress("read", lambda: sum(_count(path, topic) for path in paths))
+    reading = progress("read", lambda: sum(_count(path, choice.topic) for path in paths))
     with _prepend_problems(problems), reading as advance:
         result = analyse(checked_blocks, model=model, force=force, advance=advance)
     return _Analysis(result, problems, notes)
