@@ -214,25 +214,16 @@ def imu(
     :param accel: (n, 3) specific forces [m/s^2].
     :param q_wi: (n, 4) orientations of the sensor in ENU; None: it reports none.
     """
-    encoder = _ImuOfTriads(frame_id, gyro is not None, accel is not None)
+    encoder = ImuEncoder(
+        frame_id,
+        gyro_covariance=_ABSENT if gyro is None else 0.0,
+        accel_covariance=_ABSENT if accel is None else 0.0,
+    )
     zeros = np.zeros((len(t_ns), 3))
     columns = [zeros if triad is None else triad for triad in (gyro, accel)]
     if q_wi is not None:
         columns.append(normalise(q_wi))
     return stream(name, encoder, t_ns, *columns, aliases=aliases)
-
-
-class _ImuOfTriads(ImuEncoder):
-    """Encoder of sensor_msgs/Imu whose triads may be absent."""
-
-    def __init__(self, frame_id: str, has_gyro: bool, has_accel: bool) -> None:
-        super().__init__(frame_id)
-        absent: dict[str, tuple[float, ...]] = {}
-        if not has_gyro:
-            absent["angular_velocity_covariance"] = _ABSENT
-        if not has_accel:
-            absent["linear_acceleration_covariance"] = _ABSENT
-        self._template = self._row(absent)
 
 
 def odometry(

@@ -116,8 +116,7 @@ class _Export:
     ) -> None:
         self._units = {_canonical(name): columns.split_unit(name)[1] for name in table.names}
         table.names = [_canonical(name) for name in table.names]
-        self._table, self._head = table, head
-        self._damage, self._remarks = damage, remarks
+        self._table, self._damage, self._remarks = table, damage, remarks
         rate = _RATE.search(head)
         self._rate = float(rate[1].strip(b".") or 0) if rate else 0.0
         world = _WORLD.search(head)
